@@ -1,0 +1,60 @@
+//! Quadric edge collapse (Garland & Heckbert 1997) to an ordered list of collapses, from the input down to its base.
+//!
+//! Departures: collapses are chosen a vertex at a time, its cheapest neighbour; costs that a collapse nearby has raised are
+//! brought up to date when their turn comes. What would break topology, a boundary or a seam is not forbidden but
+//! costs as much as losing the star altogether, so that small components vanish in their turn and every mesh reaches a
+//! base of a few dozen triangles. What would turn a triangle over waits until nothing else is left.
+//!
+//! Half-edge collapses keep vertices in place, for lossless streams; [`Placement::Optimal`] moves the one that stays to
+//! the least quadric error, for shapes as close as possible, at the price of sending where it moved.
+
+mod collapser;
+mod quadric;
+mod ring;
+
+pub use collapser::simplify;
+
+/// Where the vertex that stays stands after a collapse.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Placement {
+    /// Where it was: half-edge collapses.
+    #[default]
+    Kept,
+    /// At the least quadric error.
+    Optimal,
+}
+
+/// How far and how to collapse.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SimplifyOptions {
+    /// Stop at so many triangles; 0 leaves a vertex a component.
+    pub target_triangles: usize,
+    /// Where vertices stand.
+    pub placement: Placement,
+}
+
+/// One collapse of a position onto another; where attributes jump, several wedges go at once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// One past the last of its (blue, red) wedges in [`Collapses::pairs`].
+    pub pairs_end: u32,
+    /// Geometric error of the mesh after the step, model units; never falls.
+    pub error: f32,
+    /// Triangles left after the step.
+    pub triangle_count: u32,
+    /// Representative vertex of the position that stays.
+    pub red: u32,
+    /// Where the red position stood before the step (D.9).
+    pub red_before: [f32; 3],
+}
+
+/// The ordered list of collapses, finest first.
+#[derive(Clone, Debug, Default)]
+pub struct Collapses {
+    /// (blue, red) vertices; each vertex is blue at most once.
+    pub pairs: Vec<(u32, u32)>,
+    /// The steps.
+    pub steps: Vec<Step>,
+    /// Positions after the last step, one a vertex of the input.
+    pub positions: Vec<[f32; 3]>,
+}

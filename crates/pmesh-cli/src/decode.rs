@@ -1,0 +1,56 @@
+//! `pmesh decode`: a stream, or a part of it, to a mesh of one level.
+
+use crate::error::{CliError, Result};
+use crate::{input, output};
+use std::path::PathBuf;
+
+/// Decode a stream to a mesh: its finest level, any other, or what the first bytes give
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  pmesh decode statue.pmesh -o statue.ply\n  pmesh decode statue.pmesh -o coarse.obj --level 6\n  pmesh decode statue.pmesh -o morph.ply --level 2.5     half way between levels 2 and 3\n  pmesh decode statue.pmesh -o early.ply --prefix 20000  what a client has after 20,000 bytes")]
+pub struct Args {
+    /// The stream: .pmesh, .lod or .lod.gz
+    input: PathBuf,
+    /// Where to write: .ply or .obj
+    #[arg(short, long)]
+    output: PathBuf,
+    /// Level of detail, 0 the finest; fractions morph. The finest that is there by default, exactly as encoded
+    #[arg(long)]
+    level: Option<f64>,
+    /// Use only this many bytes of the file
+    #[arg(long)]
+    prefix: Option<u64>,
+    /// Write what arrived before an error, instead of stopping there
+    #[arg(long)]
+    keep_going: bool,
+}
+
+pub fn run(args: &Args, quiet: bool) -> Result<()> {
+    let bytes = input::read(&args.input)?;
+    let end = args.prefix.map_or(bytes.len(), |p| usize::try_from(p).unwrap_or(usize::MAX).min(bytes.len()));
+    let stream = input::decode(&bytes[..end], end == bytes.len());
+    for warning in &stream.warnings {
+        eprintln!("warning: {}: {warning}", args.input.display());
+    }
+    let mesh = stream.receiver.mesh();
+    if let Some(source) = stream.error {
+        if !args.keep_going || mesh.arrived_levels() == 0 {
+            return Err(CliError::Decode { path: args.input.clone(), source });
+        }
+        eprintln!("warning: {}: {source}", args.input.display());
+    }
+    if mesh.arrived_levels() == 0 {
+        let first = stream.receiver.info().and_then(|i| i.levels.as_ref()?.first().map(|l| l.end_byte));
+        let hint = first.map_or(String::new(), |b| format!("; the first takes {b}"));
+        return Err(CliError::Other(format!("{}: no level is complete within {end} bytes{hint}", args.input.display())));
+    }
+    let out = match args.level {
+        None => mesh.finest_mesh(),
+        Some(x) => mesh.mesh_at(x)?,
+    };
+    output::write(&args.output, &out)?;
+    if !quiet {
+        let level = args.level.unwrap_or(mesh.finest_level().into());
+        println!("{}: level {level}, {} vertices, {} triangles", args.output.display(), out.vertices.len(), out.triangles.len());
+    }
+    Ok(())
+}

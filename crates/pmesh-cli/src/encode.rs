@@ -1,0 +1,164 @@
+//! `pmesh encode`: a mesh to a stream.
+
+use crate::error::{CliError, Result};
+use crate::progress::Progress;
+use crate::{input, output};
+use clap::ValueEnum;
+use flate2::{Compression, write::GzEncoder};
+use pmesh_build::import::Model;
+use pmesh_build::pipeline::{BuildOptions, LevelRule, Steps, build};
+use pmesh_build::simplify::Placement;
+use pmesh_codec::pmesh::{EncodeOptions, LevelStream, quantise};
+use pmesh_codec::text::{self, TextOptions, TextVariant};
+use pmesh_core::{Attributes, ProgressiveMultilevelMesh};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Encode a mesh (OBJ, PLY, STL, OFF, glTF, GLB) as a progressive stream
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  pmesh encode statue.obj -o statue.pmesh\n  pmesh encode scan.ply -o scan.pmesh --bits 12 --growth 2\n  pmesh encode part.stl -o part.lod.gz --levels 8\n  pmesh encode bust.glb -o bust.pmesh --bits none   every float bit for bit")]
+pub struct Args {
+    /// The mesh, or a stream (.pmesh, .lod, .lod.gz) whose levels are kept
+    input: PathBuf,
+    /// Where to write: .pmesh, .lod or .lod.gz
+    #[arg(short, long)]
+    output: PathBuf,
+    #[command(flatten)]
+    how: How,
+}
+
+/// What `encode` and `sample` share
+#[derive(clap::Args)]
+pub struct How {
+    /// Bits a coordinate, 8 to 16, or "none" to keep every float; the grid's step is the longest side / (2^N - 1)
+    #[arg(long, default_value = "14", value_parser = parse_bits)]
+    bits: Bits,
+    /// Number of levels, 1 to 63
+    #[arg(long, conflicts_with = "growth")]
+    levels: Option<u32>,
+    /// Factor by which triangles grow from level to level
+    #[arg(long, default_value_t = 1.5)]
+    growth: f64,
+    /// Triangles of the coarsest level, about; 0 leaves one vertex a component
+    #[arg(long, default_value_t = 60)]
+    base: usize,
+    /// How to simplify
+    #[arg(long, value_enum, default_value_t = Simplifier::HalfEdge)]
+    simplifier: Simplifier,
+    /// Text format only: GV97's Surface Partition layout, all representatives after the coarsest level
+    #[arg(long)]
+    surface_partition: bool,
+}
+
+/// Bits a coordinate.
+#[derive(Clone, Copy)]
+struct Bits(Option<u8>);
+
+fn parse_bits(text: &str) -> std::result::Result<Bits, String> {
+    match text {
+        "none" => Ok(Bits(None)),
+        _ => match text.parse() {
+            Ok(n @ 8..=16) => Ok(Bits(Some(n))),
+            _ => Err("8 to 16, or none".into()),
+        },
+    }
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Simplifier {
+    /// Vertices stay where they are; smallest files
+    HalfEdge,
+    /// Coarse vertices move to where they fit best; better coarse levels, larger files (.pmesh only)
+    Moving,
+    /// Half-edge collapses, levels by the exact rule of the paper (independent collapses)
+    Star,
+}
+
+pub fn run(args: &Args, quiet: bool) -> Result<()> {
+    let bytes = input::read(&args.input)?;
+    let stream = if input::is_stream(&args.input, &bytes) {
+        kept_levels(&args.input, &bytes)?
+    } else {
+        let model = input::model(&args.input, &bytes)?;
+        for warning in &model.warnings {
+            eprintln!("warning: {}: {warning}", args.input.display());
+        }
+        levels_of(&model, &args.input, &args.how, quiet)?
+    };
+    write_stream(stream, &args.output, &args.how, quiet)
+}
+
+fn kept_levels(path: &Path, bytes: &[u8]) -> Result<LevelStream> {
+    let stream = input::decode_whole(path, bytes)?;
+    let mesh = stream.receiver.mesh();
+    let levels = mesh.to_levels().ok_or_else(|| {
+        CliError::Other(format!("{}: its vertices move between levels; decode it to a mesh and encode that", path.display()))
+    })?;
+    let table = stream.receiver.info().and_then(|i| i.levels.clone());
+    let errors = table.map_or(vec![0.0; levels.len()], |t| t.iter().map(|l| l.error).collect());
+    Ok(LevelStream { attribute_set: mesh.attribute_set(), levels, errors, texture: stream.texture })
+}
+
+/// Simplifies `model` as `how` says.
+pub fn levels_of(model: &Model, path: &Path, how: &How, quiet: bool) -> Result<LevelStream> {
+    let options = BuildOptions {
+        base_triangles: how.base,
+        placement: if matches!(how.simplifier, Simplifier::Moving) { Placement::Optimal } else { Placement::Kept },
+        rule: if matches!(how.simplifier, Simplifier::Star) { LevelRule::Star } else { LevelRule::Cost },
+        steps: how.levels.map_or(Steps::Growth(how.growth), Steps::Count),
+    };
+    let progress = Progress::new("simplifying", quiet);
+    let stream = build(model, &options, |part| progress.set(part)).map_err(CliError::build(path))?;
+    progress.done();
+    Ok(stream)
+}
+
+/// Writes `stream` in the format that `path` names.
+pub fn write_stream(stream: LevelStream, path: &Path, how: &How, quiet: bool) -> Result<()> {
+    let name = path.to_string_lossy().to_ascii_lowercase();
+    let mut bytes = Vec::new();
+    let shown = (stream.levels.len(), stream.levels.iter().map(|l| l.triangles.len()).sum::<usize>());
+    if name.ends_with(".pmesh") {
+        let options = EncodeOptions { position_bits: how.bits.0 };
+        pmesh_codec::pmesh::encode(&stream, options, &mut bytes).map_err(CliError::encode(path))?;
+    } else if name.ends_with(".lod") || name.ends_with(".lod.gz") {
+        let text = text_of(stream, path, how)?;
+        bytes = if name.ends_with(".gz") { gzip(&text).map_err(CliError::io(path))? } else { text };
+    } else {
+        return Err(CliError::Other(format!("{}: write .pmesh, .lod or .lod.gz", path.display())));
+    }
+    output::write_bytes(path, &bytes)?;
+    if !quiet {
+        println!("{}: {} levels, {} triangles, {} bytes", path.display(), shown.0, shown.1, bytes.len());
+    }
+    Ok(())
+}
+
+fn gzip(bytes: &[u8]) -> std::io::Result<Vec<u8>> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
+    encoder.write_all(bytes)?;
+    encoder.finish()
+}
+
+/// The text format has positions only: attributes are dropped with a warning, positions quantised beforehand.
+fn text_of(mut stream: LevelStream, path: &Path, how: &How) -> Result<Vec<u8>> {
+    if stream.attribute_set != Default::default() || stream.texture.is_some() {
+        eprintln!("warning: {}: the text format holds positions only; normals, colours and textures are left out (write a .pmesh to keep them)", path.display());
+    }
+    let mut all = pmesh_core::IndexedMesh::default();
+    for level in &mut stream.levels {
+        level.vertices.attributes = Attributes::default();
+        all.vertices.extend_from(&level.vertices);
+    }
+    let on_grid = quantise(&all, how.bits.0).vertices.positions;
+    let mut next = on_grid.into_iter();
+    let mut mesh = ProgressiveMultilevelMesh::new(Default::default());
+    for level in &mut stream.levels {
+        level.vertices.positions.iter_mut().zip(&mut next).for_each(|(p, q)| *p = q);
+        mesh.add_level(level)?;
+    }
+    let variant = if how.surface_partition { TextVariant::SurfacePartition } else { TextVariant::Interleaved };
+    let mut text = Vec::new();
+    text::write(&mesh, TextOptions { dimension: None, variant }, &mut text).map_err(CliError::encode(path))?;
+    Ok(text)
+}

@@ -1,0 +1,34 @@
+//! Everything that can end a command, with the file it concerns.
+
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+#[derive(Debug, Error)]
+pub enum CliError {
+    #[error("{}: {source}", path.display())]
+    Io { path: PathBuf, source: std::io::Error },
+    #[error("{}: {source}", path.display())]
+    Decode { path: PathBuf, source: pmesh_codec::DecodeError },
+    #[error("{}: {source}", path.display())]
+    Build { path: PathBuf, source: pmesh_build::BuildError },
+    #[error("{}: {source}", path.display())]
+    Encode { path: PathBuf, source: pmesh_codec::EncodeError },
+    #[error("{0}")]
+    Mesh(#[from] pmesh_core::MeshError),
+    #[error("{0}")]
+    Other(String),
+}
+
+pub type Result<T> = std::result::Result<T, CliError>;
+
+impl CliError {
+    pub fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
+        |source| CliError::Io { path: path.into(), source }
+    }
+    pub fn build(path: &Path) -> impl FnOnce(pmesh_build::BuildError) -> Self + '_ {
+        |source| CliError::Build { path: path.into(), source }
+    }
+    pub fn encode(path: &Path) -> impl FnOnce(pmesh_codec::EncodeError) -> Self + '_ {
+        |source| CliError::Encode { path: path.into(), source }
+    }
+}

@@ -1,0 +1,119 @@
+//! `pmesh info`: what a stream holds, and what each byte of it buys.
+
+use crate::error::Result;
+use crate::input;
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Show what a stream holds: its levels with bytes, vertices, triangles and error
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  pmesh info statue.pmesh\n  pmesh info statue.pmesh --json")]
+pub struct Args {
+    /// The stream: .pmesh, .lod or .lod.gz
+    input: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Report {
+    format: String,
+    file_bytes: u64,
+    vertices: u32,
+    triangles: u32,
+    bits_per_vertex: f64,
+    position_bits: Option<u8>,
+    normals: bool,
+    colors: bool,
+    texcoords: bool,
+    texture_bytes: Option<usize>,
+    seam_vertices: usize,
+    moving_vertices: u32,
+    memory_bytes: usize,
+    levels: Vec<LevelRow>,
+    warnings: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct LevelRow {
+    level: u32,
+    /// Bytes after which it can be shown; for streams without a table, to the next 256.
+    bytes: u64,
+    vertices: u32,
+    triangles: u32,
+    error: Option<f32>,
+}
+
+pub fn run(args: &Args) -> Result<()> {
+    let bytes = input::read(&args.input)?;
+    let stream = input::decode_whole(&args.input, &bytes)?;
+    let mesh = stream.receiver.mesh();
+    let info = stream.receiver.info().cloned().unwrap_or_default();
+    let count = mesh.level_count();
+    let mut rows = Vec::new();
+    for level in (0..count).rev() {
+        let step = (count - 1 - level) as usize;
+        let entry = info.levels.as_ref().and_then(|l| l.get(step));
+        rows.push(LevelRow {
+            level,
+            bytes: entry.map_or(stream.level_bytes[step], |e| e.end_byte),
+            vertices: mesh.vertex_count(level)?,
+            triangles: mesh.triangle_count(level)?,
+            error: entry.map(|e| e.error),
+        });
+    }
+    let finest = rows.last().map_or((0, 0), |r| (r.vertices, r.triangles));
+    let set = mesh.attribute_set();
+    let report = Report {
+        format: info.format.into(),
+        file_bytes: bytes.len() as u64,
+        vertices: finest.0,
+        triangles: finest.1,
+        bits_per_vertex: bytes.len() as f64 * 8.0 / f64::from(finest.0.max(1)),
+        position_bits: info.position_bits,
+        normals: set.normals,
+        colors: set.colors,
+        texcoords: set.texcoords,
+        texture_bytes: stream.texture.as_ref().map(|t| t.bytes.len()),
+        seam_vertices: mesh.seams().len(),
+        moving_vertices: mesh.vertices().len() as u32 - finest.0,
+        memory_bytes: mesh.memory_bytes(),
+        levels: rows,
+        warnings: stream.warnings,
+    };
+    if args.json {
+        let text = serde_json::to_string_pretty(&report).map_err(|e| crate::error::CliError::Other(e.to_string()))?;
+        println!("{text}");
+    } else {
+        print(&report);
+    }
+    Ok(())
+}
+
+fn print(r: &Report) {
+    println!("format      {}", r.format);
+    println!("bytes       {} ({:.2} bits a vertex)", r.file_bytes, r.bits_per_vertex);
+    println!("finest      {} vertices, {} triangles", r.vertices, r.triangles);
+    println!("positions   {}", r.position_bits.map_or("exact 32-bit floats".into(), |b| format!("{b} bits a coordinate")));
+    let names = [(r.normals, "normals"), (r.colors, "colours"), (r.texcoords, "texture coordinates")];
+    let present: Vec<_> = names.iter().filter(|n| n.0).map(|n| n.1).collect();
+    println!("attributes  {}", if present.is_empty() { "none".into() } else { present.join(", ") });
+    if let Some(bytes) = r.texture_bytes {
+        println!("texture     {bytes} bytes");
+    }
+    if r.seam_vertices > 0 {
+        println!("seams       {} vertices share a position with another", r.seam_vertices);
+    }
+    if r.moving_vertices > 0 {
+        println!("moves       {} places of vertices that move between levels", r.moving_vertices);
+    }
+    println!("in memory   {} bytes", r.memory_bytes);
+    println!("\n level      bytes  of file   vertices  triangles      error");
+    for l in &r.levels {
+        let error = l.error.map_or("-".into(), |e| format!("{e:.3e}"));
+        let part = 100.0 * l.bytes as f64 / r.file_bytes as f64;
+        println!("{:>6} {:>10} {:>7.2} % {:>10} {:>10} {:>10}", l.level, l.bytes, part, l.vertices, l.triangles, error);
+    }
+    r.warnings.iter().for_each(|w| println!("warning: {w}"));
+}

@@ -1,0 +1,85 @@
+//! Files in: streams through the decoders, meshes through the importers. Streams are known by their first bytes.
+
+use crate::error::{CliError, Result};
+use pmesh_build::import::{Model, import};
+use pmesh_codec::{Arrival, DecodeError, Receiver, Texture};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Largest file that a model may name (a glTF's buffer or image).
+const NAMED_FILE_LIMIT: u64 = 4 << 30;
+
+pub fn read(path: &Path) -> Result<Vec<u8>> {
+    fs::read(path).map_err(CliError::io(path))
+}
+
+/// A stream after all its bytes, or as many as were to be read.
+pub struct Stream {
+    pub receiver: Receiver,
+    pub texture: Option<Texture>,
+    pub warnings: Vec<String>,
+    /// Byte count after each level.
+    pub level_bytes: Vec<u64>,
+    /// Why it ended early, if it did.
+    pub error: Option<DecodeError>,
+}
+
+/// True if the bytes are a stream that the decoders know.
+pub fn is_stream(path: &Path, bytes: &[u8]) -> bool {
+    let name = path.to_string_lossy().to_ascii_lowercase();
+    bytes.starts_with(&pmesh_codec::pmesh::SIGNATURE)
+        || bytes.starts_with(&[0x1f, 0x8b])
+        || [".pmesh", ".lod", ".lod.gz"].iter().any(|e| name.ends_with(e))
+}
+
+/// Decodes `bytes`; an error ends it but what came before stays. `whole` says that the stream is meant to end there.
+pub fn decode(bytes: &[u8], whole: bool) -> Stream {
+    let mut stream = Stream { receiver: Receiver::default(), texture: None, warnings: vec![], level_bytes: vec![], error: None };
+    // Small pushes, so that the byte count at which a level is complete is close.
+    let pushed = bytes.chunks(256).try_for_each(|chunk| {
+        let result = stream.receiver.push(chunk);
+        drain(&mut stream);
+        result
+    });
+    let result = pushed.and_then(|()| if whole { stream.receiver.finish() } else { Ok(()) });
+    drain(&mut stream);
+    stream.error = result.err();
+    stream
+}
+
+fn drain(stream: &mut Stream) {
+    while let Some(arrival) = stream.receiver.poll() {
+        match arrival {
+            Arrival::Level { bytes, .. } => stream.level_bytes.push(bytes),
+            Arrival::Texture(texture) => stream.texture = Some(texture),
+            Arrival::Warning(text) => stream.warnings.push(text),
+            Arrival::Info(_) | Arrival::Part(_) => {}
+        }
+    }
+}
+
+/// Decodes a stream that must be whole.
+pub fn decode_whole(path: &Path, bytes: &[u8]) -> Result<Stream> {
+    let stream = decode(bytes, true);
+    match stream.error {
+        Some(source) => Err(CliError::Decode { path: path.into(), source }),
+        None => Ok(stream),
+    }
+}
+
+/// Reads a mesh file.
+pub fn model(path: &Path, bytes: &[u8]) -> Result<Model> {
+    let folder = path.parent().map(Path::to_path_buf).unwrap_or_default();
+    let name = path.to_string_lossy();
+    import(&name, bytes, &mut |uri| named_file(&folder, uri)).map_err(CliError::build(path))
+}
+
+/// A file beside the model. Names that lead elsewhere are refused.
+fn named_file(folder: &Path, uri: &str) -> Option<Vec<u8>> {
+    let uri = uri.replace("%20", " ");
+    let relative = PathBuf::from(&uri);
+    let plain = relative.components().all(|c| matches!(c, std::path::Component::Normal(_) | std::path::Component::CurDir));
+    let path = folder.join(relative);
+    let small = fs::metadata(&path).is_ok_and(|m| m.len() <= NAMED_FILE_LIMIT);
+    (plain && small).then(|| fs::read(path).ok()).flatten()
+}

@@ -1,0 +1,51 @@
+//! The `pmesh` command. One file a subcommand; reading any format is in `input`, writing meshes in `output`.
+
+mod decode;
+mod encode;
+mod error;
+mod info;
+mod input;
+mod output;
+mod progress;
+mod sample;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Progressive meshes for the web: encode a model once, show it at any level of detail while it arrives.
+///
+/// A .pmesh file is served by any web server and shown by <p-mesh src="model.pmesh">.
+#[derive(Parser)]
+#[command(version, after_help = "Examples:\n  pmesh sample globe -o globe.pmesh       a model to try with\n  pmesh encode statue.obj -o statue.pmesh encode your own\n  pmesh info statue.pmesh                 what each byte buys\n  pmesh decode statue.pmesh -o half.ply --level 4.5\n\nExit codes: 0 done, 1 the input is bad or unreadable, 2 the command line is wrong.")]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    /// No progress bars and no notes; warnings and errors still show.
+    #[arg(short, long, global = true)]
+    quiet: bool,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Encode(encode::Args),
+    Info(info::Args),
+    Decode(decode::Args),
+    Sample(sample::Args),
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let result = match cli.command {
+        Command::Encode(args) => encode::run(&args, cli.quiet),
+        Command::Info(args) => info::run(&args),
+        Command::Decode(args) => decode::run(&args, cli.quiet),
+        Command::Sample(args) => sample::run(&args, cli.quiet),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,37 @@
+//! `pmesh sample`: a built-in model as a stream or a mesh.
+
+use crate::error::{CliError, Result};
+use crate::{encode, output};
+use pmesh_build::sample::{SAMPLES, sample};
+use std::path::PathBuf;
+
+/// Write a built-in procedural sample, as a stream (.pmesh, .lod, .lod.gz) or a mesh (.ply, .obj)
+#[derive(clap::Args)]
+#[command(after_help = samples_help())]
+pub struct Args {
+    /// Name of the sample
+    name: String,
+    /// Where to write
+    #[arg(short, long)]
+    output: PathBuf,
+    #[command(flatten)]
+    how: encode::How,
+}
+
+fn samples_help() -> String {
+    let rows = SAMPLES.iter().map(|(name, what)| format!("  {name:<11} {what}\n"));
+    format!("Samples:\n{}\nExample:\n  pmesh sample marble -o marble.pmesh", rows.collect::<String>())
+}
+
+pub fn run(args: &Args, quiet: bool) -> Result<()> {
+    let model = sample(&args.name).ok_or_else(|| {
+        let names: Vec<_> = SAMPLES.iter().map(|s| s.0).collect();
+        CliError::Other(format!("no sample is called {:?}: there are {}", args.name, names.join(", ")))
+    })?;
+    let name = args.output.to_string_lossy().to_ascii_lowercase();
+    if name.ends_with(".ply") || name.ends_with(".obj") {
+        return output::write(&args.output, &model.mesh);
+    }
+    let stream = encode::levels_of(&model, &args.output, &args.how, quiet)?;
+    encode::write_stream(stream, &args.output, &args.how, quiet)
+}

@@ -1,0 +1,144 @@
+//! The one interface of all decoders, and the choice among them by the first bytes.
+
+use crate::{DecodeError, gzip::GzipDecoder, pmesh::PmeshDecoder, text::TextDecoder};
+use pmesh_core::{AttributeSet, Level};
+
+/// A level as the stream's own table announces it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LevelEntry {
+    /// Byte at which the level ends, counted from the start of the file: after so many bytes it can be shown.
+    pub end_byte: u64,
+    /// Vertices of the level, all coarser ones included.
+    pub vertex_count: u32,
+    /// Triangles of the level, all coarser ones included.
+    pub triangle_count: u32,
+    /// Geometric error in model units: about how far the level lies from the finest.
+    pub error: f32,
+}
+
+/// What is known of a stream before its first level.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StreamInfo {
+    /// Name of the format, for people.
+    pub format: &'static str,
+    /// Attributes of the vertices.
+    pub attribute_set: AttributeSet,
+    /// The level table, coarsest first; `None` where the format has none.
+    pub levels: Option<Vec<LevelEntry>>,
+    /// Bounding box of the finest level, where the format says.
+    pub bounds: Option<([f32; 3], [f32; 3])>,
+    /// Identifies the content of the file, so that a resumed download is not mixed with another file.
+    pub file_id: Option<u64>,
+    /// Bytes of the whole stream.
+    pub total_bytes: Option<u64>,
+    /// Bits a coordinate, `None` if positions are exact floats.
+    pub position_bits: Option<u8>,
+}
+
+/// A base-colour image, still in its own coding.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Texture {
+    /// `image/png` or `image/jpeg`.
+    pub mime: String,
+    /// The image file.
+    pub bytes: Vec<u8>,
+}
+
+/// What a decoder gives.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Event {
+    /// First, once.
+    Info(StreamInfo),
+    /// A part of the level that is arriving.
+    Part(Level),
+    /// The level is complete.
+    LevelEnd,
+    /// The image that texture coordinates refer to.
+    Texture(Texture),
+    /// Something is odd but can be read.
+    Warning(String),
+}
+
+/// A push decoder: bytes in, in any cuts; events out.
+pub trait Decoder {
+    /// Takes the next bytes. After an error it takes no more; events decoded before can still be polled.
+    fn push(&mut self, bytes: &[u8]) -> Result<(), DecodeError>;
+    /// Says that the stream has ended; an error if it ends in the middle of something.
+    fn finish(&mut self) -> Result<(), DecodeError>;
+    /// The next event, if there is one.
+    fn poll(&mut self) -> Option<Event>;
+}
+
+/// A decoder that chooses the format by the first bytes it is given.
+pub fn open() -> Box<dyn Decoder + Send> {
+    Box::new(Sniffer { seen: Vec::new(), chosen: None, inside_gzip: false })
+}
+
+pub(crate) fn open_inside_gzip() -> Box<dyn Decoder + Send> {
+    Box::new(Sniffer { seen: Vec::new(), chosen: None, inside_gzip: true })
+}
+
+struct Sniffer {
+    seen: Vec<u8>,
+    chosen: Option<Box<dyn Decoder + Send>>,
+    inside_gzip: bool,
+}
+
+impl Sniffer {
+    fn choose(&self) -> Result<Option<Box<dyn Decoder + Send>>, DecodeError> {
+        let seen = &self.seen[..];
+        let signature = &crate::pmesh::SIGNATURE[..];
+        let starts = |sig: &[u8]| sig.starts_with(seen) || seen.starts_with(sig);
+        if starts(signature) {
+            let whole = seen.len() >= signature.len();
+            return Ok(whole.then(|| Box::new(PmeshDecoder::new()) as Box<_>));
+        }
+        if !self.inside_gzip && starts(&[0x1f, 0x8b]) {
+            return Ok((seen.len() >= 2).then(|| Box::new(GzipDecoder::new()) as Box<_>));
+        }
+        match seen.iter().find(|b| !b.is_ascii_whitespace()) {
+            None if seen.len() < 4096 => Ok(None),
+            Some(b'#' | b'{') => Ok(Some(Box::new(TextDecoder::new(Default::default())))),
+            _ => Err(DecodeError::UnknownFormat { found: describe(seen) }),
+        }
+    }
+}
+
+fn describe(bytes: &[u8]) -> String {
+    let head = &bytes[..bytes.len().min(12)];
+    match std::str::from_utf8(head) {
+        Ok(text) => format!("{text:?}"),
+        Err(_) => format!("bytes {head:02x?}"),
+    }
+}
+
+impl Decoder for Sniffer {
+    fn push(&mut self, bytes: &[u8]) -> Result<(), DecodeError> {
+        if let Some(chosen) = &mut self.chosen {
+            return chosen.push(bytes);
+        }
+        self.seen.extend_from_slice(bytes);
+        if self.seen.is_empty() {
+            return Ok(());
+        }
+        if let Some(mut chosen) = self.choose()? {
+            let seen = std::mem::take(&mut self.seen);
+            let result = chosen.push(&seen);
+            self.chosen = Some(chosen);
+            return result;
+        }
+        Ok(())
+    }
+    fn finish(&mut self) -> Result<(), DecodeError> {
+        match &mut self.chosen {
+            Some(chosen) => chosen.finish(),
+            None => {
+                let place = crate::Place::Byte(self.seen.len() as u64);
+                Err(DecodeError::Truncated { place, inside: "the first bytes", levels: 0 })
+            }
+        }
+    }
+    fn poll(&mut self) -> Option<Event> {
+        self.chosen.as_mut()?.poll()
+    }
+}

@@ -1,0 +1,63 @@
+//! Gzip around any other format (A.18: `horse.lod.gz`), inflated as it comes.
+
+use crate::decoder::open_inside_gzip;
+use crate::{DecodeError, Decoder, Event, Place};
+use flate2::write::MultiGzDecoder;
+use std::io::Write;
+
+/// Input is inflated in slices of this many bytes, so that what one push can produce is bounded (deflate expands 1,032 times).
+const SLICE_BYTES: usize = 1024;
+
+/// Inflates and hands on.
+pub struct GzipDecoder {
+    inflate: MultiGzDecoder<Vec<u8>>,
+    inner: Box<dyn Decoder + Send>,
+    offset: u64,
+}
+
+impl Default for GzipDecoder {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl GzipDecoder {
+    /// A decoder that sniffs the format inside.
+    pub fn new() -> Self {
+        Self { inflate: MultiGzDecoder::new(Vec::new()), inner: open_inside_gzip(), offset: 0 }
+    }
+    fn bad(&self, error: std::io::Error) -> DecodeError {
+        DecodeError::syntax(Place::Byte(self.offset), format!("damaged gzip data ({error}): fetch the file again"))
+    }
+    fn hand_on(&mut self) -> Result<(), DecodeError> {
+        let inflated = std::mem::take(self.inflate.get_mut());
+        self.inner.push(&inflated)
+    }
+}
+
+impl Decoder for GzipDecoder {
+    fn push(&mut self, bytes: &[u8]) -> Result<(), DecodeError> {
+        for slice in bytes.chunks(SLICE_BYTES) {
+            // Everything inflated before the damage is decoded first, so that where the input is cut does not matter.
+            let written = self.inflate.write_all(slice).and_then(|()| self.inflate.flush());
+            self.hand_on()?;
+            written.map_err(|e| self.bad(e))?;
+            self.offset += slice.len() as u64;
+        }
+        Ok(())
+    }
+    fn finish(&mut self) -> Result<(), DecodeError> {
+        let ended = self.inflate.try_finish();
+        self.hand_on()?;
+        ended.map_err(|e| match e.kind() {
+            std::io::ErrorKind::UnexpectedEof | std::io::ErrorKind::InvalidInput => {
+                DecodeError::Truncated { place: Place::Byte(self.offset), inside: "gzip data", levels: 0 }
+            }
+            _ => self.bad(e),
+        })?;
+        self.inner.finish()
+    }
+    fn poll(&mut self) -> Option<Event> {
+        self.inner.poll()
+    }
+}

@@ -1,0 +1,24 @@
+//! Bytes to levels and back. One file or folder a format; a renderer knows none of them, and they know no renderer.
+//!
+//! Decoders are *push* decoders: [`Decoder::push`] takes bytes cut at any place, [`Decoder::poll`] gives events, and every
+//! cut gives the same events or the same error. [`open`] chooses one by sniffing the first bytes; [`Receiver`] puts one and a
+//! [`pmesh_core::ProgressiveMultilevelMesh`] together, which is what most callers want.
+//!
+//! | format | module | written by |
+//! |---|---|---|
+//! | `.pmesh`, version 0 | [`pmesh`] | [`pmesh::encode`] |
+//! | text, `.lod` (A.21–A.24, D.7) | [`text`] | [`text::write`] |
+//! | either, gzipped | [`gzip`] | flate2 |
+//!
+//! Nothing here reads a clock, a file or a socket; memory is bounded by what was pushed.
+
+mod decoder;
+mod error;
+pub mod gzip;
+pub mod pmesh;
+mod receiver;
+pub mod text;
+
+pub use decoder::{Decoder, Event, LevelEntry, StreamInfo, Texture, open};
+pub use error::{DecodeError, EncodeError, Place};
+pub use receiver::{Arrival, Receiver};

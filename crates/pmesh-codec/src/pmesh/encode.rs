@@ -1,0 +1,160 @@
+//! Levels to a `.pmesh` file. Deterministic; memory: the file and one level beside the levels given.
+
+use super::channels::{Channels, Quantisation};
+use super::header::{Block, BlockKind, Header};
+use super::records::{Model, Refinement};
+use super::{BLOCK_LIMIT, varint};
+use crate::{EncodeError, Texture};
+use flate2::{Compression, write::DeflateEncoder};
+use pmesh_core::{AttributeSet, Level};
+use std::collections::HashMap;
+use std::io::Write;
+
+/// Levels on their way to a file, coarsest first, split-coded as `ProgressiveMultilevelMesh::to_levels` gives them.
+#[derive(Clone, Debug, Default)]
+pub struct LevelStream {
+    /// Attributes of the vertices.
+    pub attribute_set: AttributeSet,
+    /// The levels.
+    pub levels: Vec<Level>,
+    /// Geometric error of each level, model units; as long as `levels`.
+    pub errors: Vec<f32>,
+    /// The base-colour image.
+    pub texture: Option<Texture>,
+}
+
+/// How to encode.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct EncodeOptions {
+    /// Bits a coordinate, 8 to 16; `None` keeps every float bit for bit.
+    pub position_bits: Option<u8>,
+}
+
+/// Writes a `.pmesh` file of version 0. O(n).
+pub fn encode(stream: &LevelStream, options: EncodeOptions, out: &mut impl Write) -> Result<(), EncodeError> {
+    check(stream, options)?;
+    let mut all = pmesh_core::Vertices::default();
+    stream.levels.iter().for_each(|l| all.extend_from(&l.vertices));
+    let finest = finest_positions(stream, &all);
+    let grids = Quantisation::fit(&finest, options.position_bits);
+    let has_seams = stream.levels.iter().any(|l| !l.position_of.is_empty());
+    let channels = Channels::new(stream.attribute_set, grids);
+    let mut model = Model::new(channels.count(), has_seams);
+    let mut payloads = Vec::new();
+    let mut blocks = Vec::new();
+    for (level, &error) in stream.levels.iter().zip(&stream.errors) {
+        let payload = deflate(&pack(level, &channels, &mut model)?)?;
+        let (v, t) = (level.vertices.len() as u32, level.triangles.len() as u32);
+        blocks.push(Block { new_vertices: v, new_triangles: t, error, ..block(BlockKind::Level, &payload) });
+        payloads.push(payload);
+    }
+    if let Some(texture) = &stream.texture {
+        let at = texture_place(&payloads, texture.bytes.len());
+        let payload = [&[mime_code(&texture.mime)?], &texture.bytes[..]].concat();
+        blocks.insert(at, block(BlockKind::Texture, &payload));
+        payloads.insert(at, payload);
+    }
+    let bounds = pmesh_core::IndexedMesh { vertices: finest, ..Default::default() }.bounds();
+    let mut header = Header { file_id: 0, attribute_set: stream.attribute_set, has_seams, grids, bounds, blocks };
+    let content = crc32fast::hash(&header.to_bytes());
+    let total: u64 = payloads.iter().map(|p| p.len() as u64).sum();
+    header.file_id = u64::from(content) << 32 | (total & 0xffff_ffff);
+    out.write_all(&header.to_bytes())?;
+    payloads.iter().try_for_each(|p| out.write_all(p))?;
+    Ok(())
+}
+
+fn check(stream: &LevelStream, options: EncodeOptions) -> Result<(), EncodeError> {
+    let blocks = stream.levels.len() + usize::from(stream.texture.is_some());
+    if blocks > BLOCK_LIMIT || stream.levels.is_empty() || stream.errors.len() != stream.levels.len() {
+        let got = format!("{blocks} with {} errors", stream.errors.len());
+        let expected = "1 to 64 levels (63 with a texture), an error each: merge levels first";
+        return Err(EncodeError::BadOption { what: "the number of levels", got, expected });
+    }
+    match options.position_bits {
+        Some(b) if !(8..=16).contains(&b) => {
+            Err(EncodeError::BadOption { what: "bits a coordinate", got: b.to_string(), expected: "8 to 16, or none for exact floats" })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Vertices with those that move at their last place: what the grid and the bounding box are made for.
+fn finest_positions(stream: &LevelStream, all: &pmesh_core::Vertices) -> pmesh_core::Vertices {
+    let mut finest = all.clone();
+    for level in &stream.levels {
+        for (&v, p) in level.moved.ids.iter().zip(&level.moved.values.positions) {
+            finest.positions[v as usize] = *p;
+        }
+    }
+    finest
+}
+
+/// The texture goes before the first level that is larger than it, and not before the first picture.
+fn texture_place(payloads: &[Vec<u8>], texture_bytes: usize) -> usize {
+    let larger = payloads.iter().position(|p| p.len() > texture_bytes / 2);
+    larger.unwrap_or(payloads.len()).max(1)
+}
+
+fn mime_code(mime: &str) -> Result<u8, EncodeError> {
+    match mime {
+        "image/png" => Ok(0),
+        "image/jpeg" => Ok(1),
+        _ => Err(EncodeError::BadOption { what: "the texture's type", got: mime.into(), expected: "image/png or image/jpeg" }),
+    }
+}
+
+fn block(kind: BlockKind, payload: &[u8]) -> Block {
+    let (byte_count, checksum) = (payload.len() as u32, crc32fast::hash(payload));
+    Block { kind, byte_count, checksum, new_vertices: 0, new_triangles: 0, error: 0.0 }
+}
+
+fn deflate(bytes: &[u8]) -> Result<Vec<u8>, EncodeError> {
+    let mut encoder = DeflateEncoder::new(Vec::new(), Compression::best());
+    encoder.write_all(bytes)?;
+    Ok(encoder.finish()?)
+}
+
+fn pack(level: &Level, channels: &Channels, model: &mut Model) -> Result<Vec<u8>, EncodeError> {
+    model.begin_level();
+    let start = model.vertex_count();
+    let mut refinements = vec![Refinement::default(); level.vertices.len()];
+    for (i, r) in refinements.iter_mut().enumerate() {
+        channels.row(&level.vertices, i, &mut r.row);
+    }
+    let at = |v: u32| (v - start) as usize;
+    for &(v, p) in &level.representatives {
+        refinements[at(v)].representative = Some(p);
+    }
+    for &(v, p) in &level.position_of {
+        refinements[at(v)].position_of = Some(p);
+    }
+    for m in &level.corner_moves {
+        refinements[at(m.vertex)].corner_moves.push(*m);
+    }
+    let mut rest = Vec::new();
+    for t in &level.triangles {
+        let [a, b, c] = *t;
+        match a.max(b).max(c).checked_sub(start) {
+            Some(i) => refinements[i as usize].triangles.push(*t),
+            None => rest.push(*t),
+        }
+    }
+    let mut out = Vec::new();
+    for r in &refinements {
+        model.write(r, &mut out);
+    }
+    let mut row = Vec::new();
+    let moved: HashMap<u32, Vec<i32>> = level.moved.ids.iter().enumerate().map(|(i, &v)| {
+        row.clear();
+        channels.row(&level.moved.values, i, &mut row);
+        (v, row.clone())
+    }).collect();
+    // A move below the grid's step is none.
+    let mut moved: Vec<_> = moved.into_iter().filter(|(v, row)| model.row(*v) != &row[..]).collect();
+    moved.sort_unstable();
+    model.write_tail(&rest, &moved, &mut out);
+    // A last zero byte, so that a decoder knows the end of the level before the inflater says so.
+    varint::put(&mut out, 0);
+    Ok(out)
+}

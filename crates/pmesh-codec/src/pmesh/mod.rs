@@ -1,0 +1,22 @@
+//! `.pmesh`, version 0: header with a level table, then the levels, coarsest first. Every byte is in docs/FORMAT.md.
+//!
+//! The container ([`header`], block framing in `decode` and `encode`) knows nothing of how a refinement is packed, which
+//! is `records`' and `channels`' own business: a denser coding replaces those two.
+
+mod channels;
+mod decode;
+mod encode;
+pub mod header;
+mod records;
+mod varint;
+
+pub use channels::{Quantisation, quantise};
+pub use decode::PmeshDecoder;
+pub use encode::{EncodeOptions, LevelStream, encode};
+
+/// First eight bytes of the file: not text, not 7-bit, no line ending survives a conversion unseen.
+pub const SIGNATURE: [u8; 8] = [0x89, b'P', b'M', b'S', b'H', 0x0d, 0x0a, 0x1a];
+/// The version written and the newest read.
+pub const VERSION: u8 = 0;
+/// Most entries of the level table.
+pub const BLOCK_LIMIT: usize = 64;

@@ -1,0 +1,129 @@
+//! A decoder and the mesh that it grows: bytes in, levels out.
+
+use crate::{DecodeError, Decoder, Event, Place, StreamInfo, Texture};
+use pmesh_core::{Change, ProgressiveMultilevelMesh};
+use std::collections::VecDeque;
+
+/// What a push brought.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Arrival {
+    /// The stream's header.
+    Info(StreamInfo),
+    /// A part of a level was appended; corners that moved, for mirrors.
+    Part(Change),
+    /// A level is complete and can be shown.
+    Level {
+        /// 0 is the coarsest.
+        step: u32,
+        /// Bytes of the stream so far, whole pushes.
+        bytes: u64,
+        /// Corners that moved as the level ended.
+        change: Change,
+    },
+    /// The base-colour image.
+    Texture(Texture),
+    /// Something is odd.
+    Warning(String),
+}
+
+/// Grows a [`ProgressiveMultilevelMesh`] from bytes.
+pub struct Receiver {
+    decoder: Box<dyn Decoder + Send>,
+    mesh: ProgressiveMultilevelMesh,
+    info: Option<StreamInfo>,
+    arrivals: VecDeque<Arrival>,
+    bytes: u64,
+    error: Option<DecodeError>,
+}
+
+impl Default for Receiver {
+    fn default() -> Self {
+        Self::new(crate::open())
+    }
+}
+
+impl Receiver {
+    /// Reads with `decoder`; [`Receiver::default`] sniffs.
+    pub fn new(decoder: Box<dyn Decoder + Send>) -> Self {
+        let mesh = ProgressiveMultilevelMesh::new(Default::default());
+        Self { decoder, mesh, info: None, arrivals: VecDeque::new(), bytes: 0, error: None }
+    }
+    /// The mesh so far.
+    pub fn mesh(&self) -> &ProgressiveMultilevelMesh {
+        &self.mesh
+    }
+    /// The mesh, to set its level.
+    pub fn mesh_mut(&mut self) -> &mut ProgressiveMultilevelMesh {
+        &mut self.mesh
+    }
+    /// The mesh, taken out.
+    pub fn into_mesh(self) -> ProgressiveMultilevelMesh {
+        self.mesh
+    }
+    /// The header, once it has arrived.
+    pub fn info(&self) -> Option<&StreamInfo> {
+        self.info.as_ref()
+    }
+    /// Bytes pushed.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+    /// What has arrived since the last poll.
+    pub fn poll(&mut self) -> Option<Arrival> {
+        self.arrivals.pop_front()
+    }
+
+    /// Takes the next bytes. Levels complete before an error stay.
+    pub fn push(&mut self, bytes: &[u8]) -> Result<(), DecodeError> {
+        if self.error.is_some() {
+            return Err(DecodeError::Stopped);
+        }
+        self.bytes += bytes.len() as u64;
+        let pushed = self.decoder.push(bytes);
+        self.after(pushed)
+    }
+    /// Says that the stream has ended.
+    pub fn finish(&mut self) -> Result<(), DecodeError> {
+        if self.error.is_some() {
+            return Err(DecodeError::Stopped);
+        }
+        let finished = self.decoder.finish();
+        self.after(finished)?;
+        self.mesh.shrink_to_fit();
+        Ok(())
+    }
+
+    fn after(&mut self, result: Result<(), DecodeError>) -> Result<(), DecodeError> {
+        let result = self.drain().and(result);
+        if let Err(e) = &result {
+            self.error = Some(e.clone());
+        }
+        result
+    }
+
+    fn drain(&mut self) -> Result<(), DecodeError> {
+        while let Some(event) = self.decoder.poll() {
+            let place = Place::Byte(self.bytes);
+            let refused = |source| DecodeError::Mesh { place, source };
+            let arrival = match event {
+                Event::Info(info) => {
+                    self.mesh = ProgressiveMultilevelMesh::new(info.attribute_set);
+                    if let Some(levels) = &info.levels {
+                        self.mesh.declare_level_count(levels.len() as u32);
+                    }
+                    self.info = Some(info.clone());
+                    Arrival::Info(info)
+                }
+                Event::Part(part) => Arrival::Part(self.mesh.append(&part).map_err(refused)?),
+                Event::LevelEnd => {
+                    let change = self.mesh.complete_level().map_err(refused)?;
+                    Arrival::Level { step: self.mesh.arrived_levels() - 1, bytes: self.bytes, change }
+                }
+                Event::Texture(texture) => Arrival::Texture(texture),
+                Event::Warning(text) => Arrival::Warning(text),
+            };
+            self.arrivals.push_back(arrival);
+        }
+        Ok(())
+    }
+}

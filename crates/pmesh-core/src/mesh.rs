@@ -1,0 +1,162 @@
+//! Plain arrays: vertices with their attributes, and an indexed mesh. No levels here.
+
+use crate::MeshError;
+
+/// Which attributes a vertex carries beside its position.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct AttributeSet {
+    /// Unit normals, three floats.
+    pub normals: bool,
+    /// Colours, red green blue alpha, each 0 to 1, linear or not as the source had them.
+    pub colors: bool,
+    /// Texture coordinates, two floats, v upwards as in glTF's convention (0 at the top row of the image).
+    pub texcoords: bool,
+}
+
+/// The attribute arrays; each is empty or as long as the positions.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Attributes {
+    /// Unit normals.
+    pub normals: Vec<[f32; 3]>,
+    /// Red, green, blue, alpha.
+    pub colors: Vec<[f32; 4]>,
+    /// Texture coordinates.
+    pub texcoords: Vec<[f32; 2]>,
+}
+
+/// Vertices as parallel arrays. A vertex is a *wedge*: where an attribute jumps across a seam, several stand at one position.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Vertices {
+    /// Positions in model units.
+    pub positions: Vec<[f32; 3]>,
+    /// Attributes, all geomorphed as positions are.
+    pub attributes: Attributes,
+}
+
+impl Vertices {
+    /// Number of vertices.
+    pub fn len(&self) -> usize {
+        self.positions.len()
+    }
+    /// True if there is no vertex.
+    pub fn is_empty(&self) -> bool {
+        self.positions.is_empty()
+    }
+    /// The attributes that are present.
+    pub fn set(&self) -> AttributeSet {
+        let a = &self.attributes;
+        AttributeSet { normals: !a.normals.is_empty(), colors: !a.colors.is_empty(), texcoords: !a.texcoords.is_empty() }
+    }
+    /// Appends vertex `i` of `from`, which has the same attributes.
+    pub fn push_from(&mut self, from: &Vertices, i: usize) {
+        let (a, b) = (&mut self.attributes, &from.attributes);
+        self.positions.push(from.positions[i]);
+        a.normals.extend(b.normals.get(i));
+        a.colors.extend(b.colors.get(i));
+        a.texcoords.extend(b.texcoords.get(i));
+    }
+    /// Appends all of `from`, which has the same attributes.
+    pub fn extend_from(&mut self, from: &Vertices) {
+        let (a, b) = (&mut self.attributes, &from.attributes);
+        self.positions.extend_from_slice(&from.positions);
+        a.normals.extend_from_slice(&b.normals);
+        a.colors.extend_from_slice(&b.colors);
+        a.texcoords.extend_from_slice(&b.texcoords);
+    }
+    /// Vertices `ids` of this, in that order. O(ids).
+    pub fn select(&self, ids: impl IntoIterator<Item = u32>) -> Vertices {
+        let mut out = Vertices::default();
+        ids.into_iter().for_each(|i| out.push_from(self, i as usize));
+        out
+    }
+    /// True if vertices `i` and `j` agree bit for bit in position and attributes.
+    pub fn same(&self, i: usize, other: &Vertices, j: usize) -> bool {
+        fn eq<const N: usize>(a: &[[f32; N]], i: usize, b: &[[f32; N]], j: usize) -> bool {
+            a.get(i).map(|x| x.map(f32::to_bits)) == b.get(j).map(|x| x.map(f32::to_bits))
+        }
+        let (a, b) = (&self.attributes, &other.attributes);
+        eq(&self.positions, i, &other.positions, j)
+            && eq(&a.normals, i, &b.normals, j)
+            && eq(&a.colors, i, &b.colors, j)
+            && eq(&a.texcoords, i, &b.texcoords, j)
+    }
+    /// Gives back what growing by doubling reserved.
+    pub fn shrink_to_fit(&mut self) {
+        self.positions.shrink_to_fit();
+        self.attributes.normals.shrink_to_fit();
+        self.attributes.colors.shrink_to_fit();
+        self.attributes.texcoords.shrink_to_fit();
+    }
+    /// Bytes allocated.
+    pub fn memory_bytes(&self) -> usize {
+        let a = &self.attributes;
+        self.positions.capacity() * 12 + a.normals.capacity() * 12 + a.colors.capacity() * 16 + a.texcoords.capacity() * 8
+    }
+
+    /// Checks lengths against `set` and that all is finite; `first` is the index of the first vertex, for the message.
+    pub fn check(&self, set: AttributeSet, first: u32) -> Result<(), MeshError> {
+        let n = self.len();
+        let a = &self.attributes;
+        let lengths = [
+            ("normals", set.normals, a.normals.len()),
+            ("colors", set.colors, a.colors.len()),
+            ("texcoords", set.texcoords, a.texcoords.len()),
+        ];
+        for (array, present, got) in lengths {
+            let expected = if present { n } else { 0 };
+            if got != expected {
+                return Err(MeshError::AttributeLength { array, expected, got });
+            }
+        }
+        fn first_bad<const N: usize>(values: &[[f32; N]]) -> Option<usize> {
+            values.iter().position(|v| !v.iter().all(|x| x.is_finite()))
+        }
+        let bad = [first_bad(&self.positions), first_bad(&a.normals), first_bad(&a.colors), first_bad(&a.texcoords)];
+        match bad.into_iter().flatten().min() {
+            Some(i) => Err(MeshError::NotFinite { vertex: first + i as u32 }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// An indexed triangle mesh: what importers give and what a level looks like when it is asked for as arrays.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct IndexedMesh {
+    /// The vertices.
+    pub vertices: Vertices,
+    /// Triples of vertex indices.
+    pub triangles: Vec<[u32; 3]>,
+    /// Seams: (vertex, earlier vertex at the same position), ascending by vertex. Sparse.
+    pub position_of: Vec<(u32, u32)>,
+}
+
+impl IndexedMesh {
+    /// Checks indices, attribute lengths and finiteness. O(n).
+    pub fn check(&self) -> Result<(), MeshError> {
+        self.vertices.check(self.vertices.set(), 0)?;
+        let n = self.vertices.len() as u32;
+        for (t, tri) in self.triangles.iter().enumerate() {
+            if let Some(&vertex) = tri.iter().find(|&&v| v >= n) {
+                return Err(MeshError::MissingVertex { triangle: t as u32, vertex });
+            }
+        }
+        for &(vertex, position_of) in &self.position_of {
+            let p = &self.vertices.positions;
+            if vertex >= n || position_of >= vertex || p[vertex as usize] != p[position_of as usize] {
+                return Err(MeshError::BadSharedPosition { vertex, position_of });
+            }
+        }
+        Ok(())
+    }
+    /// Smallest and largest corner of the bounding box, or zeros for an empty mesh.
+    pub fn bounds(&self) -> ([f32; 3], [f32; 3]) {
+        bounds(&self.vertices.positions)
+    }
+}
+
+fn bounds(positions: &[[f32; 3]]) -> ([f32; 3], [f32; 3]) {
+    let Some(&first) = positions.first() else { return ([0.0; 3], [0.0; 3]) };
+    positions.iter().fold((first, first), |(lo, hi), p| {
+        (std::array::from_fn(|k| lo[k].min(p[k])), std::array::from_fn(|k| hi[k].max(p[k])))
+    })
+}

@@ -1,0 +1,91 @@
+//! Smooth vertex normals: area-weighted means over all triangles at a *position*, so that texture seams do not show.
+
+/// Sums triangle normals in slices, so that a page is never blocked, then normalises.
+#[derive(Clone, Debug, Default)]
+pub struct NormalAccumulator {
+    sums: Vec<[f32; 3]>,
+    next_triangle: usize,
+}
+
+impl NormalAccumulator {
+    /// For `vertex_count` vertices. 12 bytes each.
+    pub fn new(vertex_count: usize) -> Self {
+        Self { sums: vec![[0.0; 3]; vertex_count], next_triangle: 0 }
+    }
+    /// Adds up to `limit` more triangles; true once all of `triangles` are in. Corners past the vertices are skipped.
+    pub fn add(&mut self, positions: &[[f32; 3]], triangles: &[[u32; 3]], limit: usize) -> bool {
+        let end = (self.next_triangle + limit).min(triangles.len());
+        for t in &triangles[self.next_triangle.min(end)..end] {
+            if t.iter().any(|&v| v as usize >= self.sums.len()) {
+                continue;
+            }
+            let [a, b, c] = t.map(|v| positions[v as usize]);
+            let n = cross(sub(b, a), sub(c, a));
+            for v in t {
+                let s = &mut self.sums[*v as usize];
+                (0..3).for_each(|k| s[k] += n[k]);
+            }
+        }
+        self.next_triangle = end;
+        end == triangles.len()
+    }
+    /// Unit normals; vertices that share a position (`seams`, as in `IndexedMesh::position_of`) share one. A vertex without
+    /// area gets +z.
+    pub fn finish(mut self, seams: &[(u32, u32)]) -> Vec<[f32; 3]> {
+        let known = |v: u32| (v as usize) < self.sums.len();
+        let seams: Vec<_> = seams.iter().filter(|&&(v, p)| known(v) && known(p)).collect();
+        for &&(v, p) in &seams {
+            let s = self.sums[v as usize];
+            (0..3).for_each(|k| self.sums[p as usize][k] += s[k]);
+        }
+        for &&(v, p) in &seams {
+            self.sums[v as usize] = self.sums[p as usize];
+        }
+        self.sums.iter().map(|&n| unit(n)).collect()
+    }
+}
+
+/// Smooth normals of a whole mesh. O(triangles).
+pub fn smooth_normals(positions: &[[f32; 3]], triangles: &[[u32; 3]], seams: &[(u32, u32)]) -> Vec<[f32; 3]> {
+    let mut sums = NormalAccumulator::new(positions.len());
+    sums.add(positions, triangles, usize::MAX);
+    sums.finish(seams)
+}
+
+fn sub(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    std::array::from_fn(|k| a[k] - b[k])
+}
+fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+fn unit(n: [f32; 3]) -> [f32; 3] {
+    // Scale first: the square of a small triangle's area underflows.
+    let m = n.iter().fold(0.0f32, |m, x| m.max(x.abs()));
+    if m == 0.0 || !m.is_finite() {
+        return [0.0, 0.0, 1.0];
+    }
+    let n = n.map(|x| x / m);
+    let l = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
+    n.map(|x| x / l)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tiny_flat_triangle_has_its_exact_normal_and_degenerate_ones_a_unit_vector() {
+        let s = 1e-18;
+        let p = [[0.0; 3], [s, 0.0, 0.0], [0.0, s, 0.0], [1.0, 1.0, 1.0]];
+        let n = smooth_normals(&p, &[[0, 1, 2]], &[]);
+        assert_eq!(n, vec![[0.0, 0.0, 1.0]; 4]);
+    }
+
+    #[test]
+    fn both_sides_of_a_seam_share_a_normal() {
+        let p = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let n = smooth_normals(&p, &[[0, 1, 2], [3, 4, 5]], &[(3, 0), (4, 2)]);
+        assert_eq!(n[0], n[3]);
+        assert!((n[0][0] - n[0][2]).abs() < 1e-6 && n[0][0] > 0.7);
+    }
+}
