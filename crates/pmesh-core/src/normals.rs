@@ -1,5 +1,7 @@
 //! Smooth vertex normals: area-weighted means over all triangles at a *position*, so that texture seams do not show.
 
+use crate::forest::ancestor_below;
+
 /// Sums triangle normals in slices, so that a page is never blocked, then normalises.
 #[derive(Clone, Debug, Default)]
 pub struct NormalAccumulator {
@@ -12,17 +14,25 @@ impl NormalAccumulator {
     pub fn new(vertex_count: usize) -> Self {
         Self { sums: vec![[0.0; 3]; vertex_count], next_triangle: 0 }
     }
-    /// Adds up to `limit` more triangles; true once all of `triangles` are in. Corners past the vertices are skipped.
-    pub fn add(&mut self, positions: &[[f32; 3]], triangles: &[[u32; 3]], limit: usize) -> bool {
-        let end = (self.next_triangle + limit).min(triangles.len());
+    /// Vertices summed for.
+    pub fn vertex_count(&self) -> usize {
+        self.sums.len()
+    }
+    /// Adds up to `limit` more triangles; true once all of `triangles` are in. Corners past the vertices count for their
+    /// first representative inside, so that levels may go on arriving meanwhile; without one the triangle is skipped.
+    pub fn add(&mut self, mesh: (&[[f32; 3]], &[u32]), triangles: &[[u32; 3]], limit: usize) -> bool {
+        let (positions, parents) = mesh;
+        let count = self.sums.len() as u32;
+        let end = self.next_triangle.saturating_add(limit).min(triangles.len());
         for t in &triangles[self.next_triangle.min(end)..end] {
-            if t.iter().any(|&v| v as usize >= self.sums.len()) {
+            let t = t.map(|v| if v < count { v } else { ancestor_below(parents, v, count) });
+            if t.iter().any(|&v| v >= count) {
                 continue;
             }
             let [a, b, c] = t.map(|v| positions[v as usize]);
             let n = cross(sub(b, a), sub(c, a));
             for v in t {
-                let s = &mut self.sums[*v as usize];
+                let s = &mut self.sums[v as usize];
                 (0..3).for_each(|k| s[k] += n[k]);
             }
         }
@@ -48,7 +58,7 @@ impl NormalAccumulator {
 /// Smooth normals of a whole mesh. O(triangles).
 pub fn smooth_normals(positions: &[[f32; 3]], triangles: &[[u32; 3]], seams: &[(u32, u32)]) -> Vec<[f32; 3]> {
     let mut sums = NormalAccumulator::new(positions.len());
-    sums.add(positions, triangles, usize::MAX);
+    sums.add((positions, &[]), triangles, usize::MAX);
     sums.finish(seams)
 }
 

@@ -1,0 +1,114 @@
+//! Pipelines, the bind group layout that all meshes share, and the stand-ins for what a mesh lacks.
+
+use super::targets::DEPTH_FORMAT;
+use crate::shader::{SOURCE, Uniforms};
+
+pub(super) struct Pipelines {
+    pub(super) faces: wgpu::RenderPipeline,
+    pub(super) lines: wgpu::RenderPipeline,
+    pub(super) layout: wgpu::BindGroupLayout,
+    pub(super) sampler: wgpu::Sampler,
+    /// One white pixel.
+    pub(super) white: wgpu::TextureView,
+}
+
+impl Pipelines {
+    pub(super) fn new(device: &wgpu::Device, queue: &wgpu::Queue, format: wgpu::TextureFormat, samples: u32) -> Self {
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source: wgpu::ShaderSource::Wgsl(SOURCE.into()) });
+        let layout = bind_group_layout(device);
+        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: None,
+            bind_group_layouts: &[Some(&layout)],
+            immediate_size: 0,
+        });
+        let pipeline = |vertex: &str, fragment: &str, topology| {
+            device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+                label: None,
+                layout: Some(&pipeline_layout),
+                vertex: wgpu::VertexState {
+                    module: &module,
+                    entry_point: Some(vertex),
+                    compilation_options: Default::default(),
+                    buffers: &[],
+                },
+                primitive: wgpu::PrimitiveState { topology, ..Default::default() },
+                depth_stencil: Some(wgpu::DepthStencilState {
+                    format: DEPTH_FORMAT,
+                    depth_write_enabled: Some(true),
+                    depth_compare: Some(wgpu::CompareFunction::LessEqual),
+                    stencil: Default::default(),
+                    bias: Default::default(),
+                }),
+                multisample: wgpu::MultisampleState { count: samples, ..Default::default() },
+                fragment: Some(wgpu::FragmentState {
+                    module: &module,
+                    entry_point: Some(fragment),
+                    compilation_options: Default::default(),
+                    targets: &[Some(format.into())],
+                }),
+                multiview_mask: None,
+                cache: None,
+            })
+        };
+        let faces = pipeline("vertex", "fragment", wgpu::PrimitiveTopology::TriangleList);
+        let lines = pipeline("line_vertex", "line_fragment", wgpu::PrimitiveTopology::LineList);
+        let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
+            address_mode_u: wgpu::AddressMode::Repeat,
+            address_mode_v: wgpu::AddressMode::Repeat,
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            mipmap_filter: wgpu::MipmapFilterMode::Linear,
+            ..Default::default()
+        });
+        let white = image(device, queue, &[(1, 1, vec![255; 4])]);
+        Self { faces, lines, layout, sampler, white }
+    }
+}
+
+fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    let entry = |binding, visibility, ty| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None };
+    let texture = |sample_type| wgpu::BindingType::Texture {
+        sample_type,
+        view_dimension: wgpu::TextureViewDimension::D2,
+        multisampled: false,
+    };
+    let both = wgpu::ShaderStages::VERTEX_FRAGMENT;
+    let uniform = wgpu::BindingType::Buffer {
+        ty: wgpu::BufferBindingType::Uniform,
+        has_dynamic_offset: false,
+        min_binding_size: std::num::NonZeroU64::new(Uniforms::BYTES as u64),
+    };
+    let mut entries = vec![entry(0, both, uniform)];
+    entries.extend((1..5).map(|b| entry(b, wgpu::ShaderStages::VERTEX, texture(wgpu::TextureSampleType::Uint))));
+    let color = texture(wgpu::TextureSampleType::Float { filterable: true });
+    entries.push(entry(5, wgpu::ShaderStages::FRAGMENT, color));
+    let sampler = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
+    entries.push(entry(6, wgpu::ShaderStages::FRAGMENT, sampler));
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
+}
+
+/// An image with its mipmaps.
+pub(super) fn image(device: &wgpu::Device, queue: &wgpu::Queue, levels: &[(u32, u32, Vec<u8>)]) -> wgpu::TextureView {
+    let (width, height, _) = levels[0];
+    let texture = device.create_texture(&wgpu::TextureDescriptor {
+        label: None,
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: levels.len() as u32,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: wgpu::TextureFormat::Rgba8Unorm,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
+    for (mip, (width, height, pixels)) in levels.iter().enumerate() {
+        let to = wgpu::TexelCopyTextureInfo {
+            texture: &texture,
+            mip_level: mip as u32,
+            origin: wgpu::Origin3d::ZERO,
+            aspect: wgpu::TextureAspect::All,
+        };
+        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(width * 4), rows_per_image: None };
+        queue.write_texture(to, pixels, layout, wgpu::Extent3d { width: *width, height: *height, depth_or_array_layers: 1 });
+    }
+    texture.create_view(&Default::default())
+}

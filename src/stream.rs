@@ -1,0 +1,162 @@
+//! A response body into a [`Model`], in slices that never hold the page up; and resuming by range request.
+//!
+//! gloo-net makes the requests and reads the responses. Time is read here, not in the codec.
+
+use crate::error::{decode_error, error};
+use crate::model::{Model, ModelEvents};
+use gloo_net::http::{Request, Response};
+use js_sys::{Array, Function, Promise, Reflect, Uint8Array};
+use wasm_bindgen::prelude::*;
+use wasm_bindgen_futures::JsFuture;
+
+/// Bytes decoded between two looks at the clock: a fraction of a millisecond's work.
+const SLICE_BYTES: usize = 4096;
+/// Milliseconds of decoding before the page gets its turn; the limit is 8.
+const SLICE_MS: f64 = 5.0;
+
+#[wasm_bindgen]
+impl Model {
+    /// Reads a response to its end. `on_events` is called with what each slice brought. If the server ignored a range
+    /// request (status 200), bytes that are here already are skipped. Rejects with an `Error` whose `code` is
+    /// `http`, `network`, `aborted` or a decoder's.
+    pub async fn stream(&self, response: web_sys::Response, on_events: &Function) -> Result<(), JsValue> {
+        self.read(Response::from(response), on_events).await
+    }
+
+    /// Requests what is still missing of `url`, from `bytes` on, and reads it as `stream` does. A single range needs no
+    /// CORS preflight.
+    pub async fn resume(&self, url: &str, signal: Option<web_sys::AbortSignal>, on_events: &Function) -> Result<(), JsValue> {
+        let from = self.state.borrow().bytes();
+        let mut request = Request::get(url).abort_signal(signal.as_ref());
+        if from > 0 {
+            request = request.header("Range", &format!("bytes={from}-"));
+        }
+        let response = request.send().await.map_err(|e| request_error(&e, signal.as_ref()))?;
+        self.read(response, on_events).await
+    }
+
+    async fn read(&self, response: Response, on_events: &Function) -> Result<(), JsValue> {
+        let mut skip = self.check(&response)?;
+        let body = response.body().ok_or_else(|| error("http", "the response has no body"))?;
+        let reader: web_sys::ReadableStreamDefaultReader = body.get_reader().unchecked_into();
+        let mut clock = Clock::start();
+        loop {
+            let result = JsFuture::from(reader.read()).await.map_err(read_error)?;
+            clock = Clock::start_after(clock);
+            if Reflect::get(&result, &"done".into())?.is_truthy() {
+                break;
+            }
+            let chunk: Uint8Array = Reflect::get(&result, &"value".into())?.unchecked_into();
+            let bytes = chunk.to_vec();
+            let skipped = skip.min(bytes.len() as u64);
+            skip -= skipped;
+            for slice in bytes[skipped as usize..].chunks(SLICE_BYTES) {
+                if let Err(e) = self.slice(slice, on_events) {
+                    // Let the connection go; whatever that says, the decoder's error is the news.
+                    let _ = reader.cancel();
+                    return Err(e);
+                }
+                clock.pause_if_due().await?;
+            }
+        }
+        let finished = self.state.borrow_mut().finish();
+        self.tell(on_events)?;
+        finished.map_err(|e| decode_error(&e))
+    }
+
+    /// How many bytes of the body to skip.
+    fn check(&self, response: &Response) -> Result<u64, JsValue> {
+        let have = self.state.borrow().bytes();
+        match response.status() {
+            206 => {
+                let range = response.headers().get("content-range").unwrap_or_default();
+                let start = range.strip_prefix("bytes ").and_then(|r| r.split('-').next()?.parse::<u64>().ok());
+                // Across origins the header may be hidden; the checksums tell then.
+                match start {
+                    Some(start) if start != have => {
+                        Err(error("http", &format!("bytes from {have} were asked for, the server sent bytes from {start}")))
+                    }
+                    _ => Ok(0),
+                }
+            }
+            200..=299 => Ok(have),
+            status => {
+                let text = response.status_text();
+                Err(error("http", &format!("the server answered {status} {text}")))
+            }
+        }
+    }
+
+    fn slice(&self, bytes: &[u8], on_events: &Function) -> Result<(), JsValue> {
+        let pushed = self.state.borrow_mut().push(bytes);
+        self.tell(on_events)?;
+        pushed.map_err(|e| decode_error(&e))
+    }
+
+    /// Calls the page with what has arrived, nothing being borrowed.
+    fn tell(&self, on_events: &Function) -> Result<(), JsValue> {
+        let events: ModelEvents = self.take_events();
+        if events.unchecked_ref::<Array>().length() > 0 {
+            on_events.call1(&JsValue::NULL, &events)?;
+        }
+        Ok(())
+    }
+}
+
+fn request_error(e: &gloo_net::Error, signal: Option<&web_sys::AbortSignal>) -> JsValue {
+    if signal.is_some_and(|s| s.aborted()) {
+        return error("aborted", "the request was aborted");
+    }
+    error("network", &format!("the request failed ({e}): the server is away, or does not allow this page (CORS)"))
+}
+
+fn read_error(e: JsValue) -> JsValue {
+    let name = Reflect::get(&e, &"name".into()).ok().and_then(|n| n.as_string()).unwrap_or_default();
+    if name == "AbortError" {
+        return error("aborted", "the request was aborted");
+    }
+    let message = Reflect::get(&e, &"message".into()).ok().and_then(|m| m.as_string()).unwrap_or_default();
+    error("network", &format!("the connection broke ({message})"))
+}
+
+/// Gives the page its turn once a slice's time is used up.
+struct Clock {
+    started: f64,
+}
+
+impl Clock {
+    fn start() -> Self {
+        Self { started: now() }
+    }
+    /// After waiting for the network the time used before it still counts if it was a moment ago: many small chunks in a
+    /// row are one long task otherwise.
+    fn start_after(before: Self) -> Self {
+        if now() - before.started > 2.0 * SLICE_MS { Self::start() } else { before }
+    }
+    async fn pause_if_due(&mut self) -> Result<(), JsValue> {
+        if now() - self.started > SLICE_MS {
+            JsFuture::from(next_task()).await?;
+            *self = Self::start();
+        }
+        Ok(())
+    }
+}
+
+fn now() -> f64 {
+    let performance = Reflect::get(&js_sys::global(), &"performance".into()).ok();
+    performance.map_or_else(js_sys::Date::now, |p| p.unchecked_into::<web_sys::Performance>().now())
+}
+
+/// Resolves in a task of its own: a message to ourselves is not slowed down as timers are.
+fn next_task() -> Promise {
+    Promise::new(&mut |resolve, reject| {
+        let posted = web_sys::MessageChannel::new().and_then(|channel| {
+            channel.port1().set_onmessage(Some(&resolve));
+            channel.port2().post_message(&JsValue::NULL)
+        });
+        if let Err(e) = posted {
+            // The promise's own function; if even that throws there is no one left to tell.
+            let _ = reject.call1(&JsValue::NULL, &e);
+        }
+    })
+}
