@@ -173,8 +173,12 @@ impl State {
         self.receiver.bytes()
     }
     pub(crate) fn is_whole(&self) -> bool {
+        self.finished || self.receiver.info().is_some_and(|i| i.total_bytes.is_some()) && self.may_end_here()
+    }
+    /// False if the header says that more is to come.
+    pub(crate) fn may_end_here(&self) -> bool {
         let total = self.receiver.info().and_then(|i| i.total_bytes);
-        self.finished || total.is_some_and(|t| self.bytes() >= t)
+        total.is_none_or(|t| self.bytes() >= t)
     }
     fn table(&self) -> Option<&[LevelEntry]> {
         self.receiver.info()?.levels.as_deref()

@@ -59,6 +59,10 @@ impl Model {
                 clock.pause_if_due().await?;
             }
         }
+        if !self.state.borrow().may_end_here() {
+            // The decoder is still whole: `resume` can go on.
+            return Err(error("network", "the connection ended before the file did"));
+        }
         let finished = self.state.borrow_mut().finish();
         self.tell(on_events)?;
         finished.map_err(|e| decode_error(&e))

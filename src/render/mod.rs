@@ -98,7 +98,7 @@ impl Renderer {
         let format = surface.get_capabilities(&adapter).formats.first().copied().ok_or_else(|| gpu_error("no surface format"))?;
         let multisampled = adapter.get_texture_format_features(format).flags.contains(wgpu::TextureFormatFeatureFlags::MULTISAMPLE_X4);
         let samples = if multisampled { 4 } else { 1 };
-        let pipelines = Pipelines::new(&device, &queue, format, samples);
+        let pipelines = Pipelines::new(&device, &queue, format, samples).map_err(gpu_error)?;
         let targets = RefCell::new(Targets::new(surface, format, samples, canvas));
         Ok(Renderer {
             device,

@@ -1,7 +1,10 @@
 //! Pipelines, the bind group layout that all meshes share, and the stand-ins for what a mesh lacks.
 
 use super::targets::DEPTH_FORMAT;
-use crate::shader::{SOURCE, Uniforms};
+use crate::shader::Uniforms;
+
+/// The shader, parsed by the build script.
+const MODULE: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/shader.naga"));
 
 pub(super) struct Pipelines {
     pub(super) faces: wgpu::RenderPipeline,
@@ -13,8 +16,9 @@ pub(super) struct Pipelines {
 }
 
 impl Pipelines {
-    pub(super) fn new(device: &wgpu::Device, queue: &wgpu::Queue, format: wgpu::TextureFormat, samples: u32) -> Self {
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source: wgpu::ShaderSource::Wgsl(SOURCE.into()) });
+    pub(super) fn new(device: &wgpu::Device, queue: &wgpu::Queue, format: wgpu::TextureFormat, samples: u32) -> Result<Self, postcard::Error> {
+        let source = wgpu::ShaderSource::Naga(std::borrow::Cow::Owned(postcard::from_bytes(MODULE)?));
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
         let layout = bind_group_layout(device);
         let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: None,
@@ -61,7 +65,7 @@ impl Pipelines {
             ..Default::default()
         });
         let white = image(device, queue, &[(1, 1, vec![255; 4])]);
-        Self { faces, lines, layout, sampler, white }
+        Ok(Self { faces, lines, layout, sampler, white })
     }
 }
 

@@ -1,4 +1,3 @@
 //! Tests that run in real browsers, by `wasm-pack test`.
 #![allow(missing_docs)]
 #![cfg(target_arch = "wasm32")]
-#![allow(missing_docs)]

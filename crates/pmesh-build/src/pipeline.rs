@@ -179,8 +179,10 @@ fn by_star(mesh: &IndexedMesh, collapses: &Collapses, count: usize) -> Result<(F
     let mut first_pair = 0;
     for step in &collapses.steps {
         for &(blue, _) in &collapses.pairs[first_pair..step.pairs_end as usize] {
-            let coarser = forest.levels[blue as usize] as usize + 1;
-            errors[coarser] = errors[coarser].max(step.error);
+            // A collapse within the coarsest level is never done.
+            if let Some(error) = errors.get_mut(forest.levels[blue as usize] as usize + 1) {
+                *error = error.max(step.error);
+            }
         }
         first_pair = step.pairs_end as usize;
     }

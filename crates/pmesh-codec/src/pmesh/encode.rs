@@ -6,8 +6,7 @@ use super::records::{Model, Refinement};
 use super::{BLOCK_LIMIT, varint};
 use crate::{EncodeError, Texture};
 use flate2::{Compression, write::DeflateEncoder};
-use pmesh_core::{AttributeSet, Level};
-use std::collections::HashMap;
+use pmesh_core::{AttributeSet, CornerMove, Level};
 use std::io::Write;
 
 /// Levels on their way to a file, coarsest first, split-coded as `ProgressiveMultilevelMesh::to_levels` gives them.
@@ -40,10 +39,11 @@ pub fn encode(stream: &LevelStream, options: EncodeOptions, out: &mut impl Write
     let has_seams = stream.levels.iter().any(|l| !l.position_of.is_empty());
     let channels = Channels::new(stream.attribute_set, grids);
     let mut model = Model::new(channels.count(), has_seams);
+    let mut places = Vec::new();
     let mut payloads = Vec::new();
     let mut blocks = Vec::new();
     for (level, &error) in stream.levels.iter().zip(&stream.errors) {
-        let payload = deflate(&pack(level, &channels, &mut model)?)?;
+        let payload = deflate(&pack(level, &channels, &mut model, &mut places))?;
         let (v, t) = (level.vertices.len() as u32, level.triangles.len() as u32);
         blocks.push(Block { new_vertices: v, new_triangles: t, error, ..block(BlockKind::Level, &payload) });
         payloads.push(payload);
@@ -115,7 +115,15 @@ fn deflate(bytes: &[u8]) -> Result<Vec<u8>, EncodeError> {
     Ok(encoder.finish()?)
 }
 
-fn pack(level: &Level, channels: &Channels, model: &mut Model) -> Result<Vec<u8>, EncodeError> {
+/// Where a triangle of the stream lies in the file: its index there, and how far its corners are turned.
+struct Place {
+    index: u32,
+    turn: u8,
+}
+
+/// Packs a level. Triangles follow the vertex that completes them, turned so that it leads; `places` remembers that for
+/// the corner moves of later levels.
+fn pack(level: &Level, channels: &Channels, model: &mut Model, places: &mut Vec<Place>) -> Vec<u8> {
     model.begin_level();
     let start = model.vertex_count();
     let mut refinements = vec![Refinement::default(); level.vertices.len()];
@@ -130,31 +138,40 @@ fn pack(level: &Level, channels: &Channels, model: &mut Model) -> Result<Vec<u8>
         refinements[at(v)].position_of = Some(p);
     }
     for m in &level.corner_moves {
-        refinements[at(m.vertex)].corner_moves.push(*m);
+        let place = &places[m.triangle as usize];
+        let corner = (m.corner + 3 - place.turn) % 3;
+        refinements[at(m.vertex)].corner_moves.push(CornerMove { triangle: place.index, corner, vertex: m.vertex });
     }
+    // Sorted by the vertex that completes them; those that no new vertex completes come last.
+    let leader = |t: &[u32; 3]| t.iter().copied().max().filter(|&v| v >= start).unwrap_or(u32::MAX);
+    let first = places.len();
+    let mut order: Vec<usize> = (0..level.triangles.len()).collect();
+    order.sort_by_key(|&i| leader(&level.triangles[i]));
+    places.extend(level.triangles.iter().map(|_| Place { index: 0, turn: 0 }));
     let mut rest = Vec::new();
-    for t in &level.triangles {
-        let [a, b, c] = *t;
-        match a.max(b).max(c).checked_sub(start) {
-            Some(i) => refinements[i as usize].triangles.push(*t),
-            None => rest.push(*t),
-        }
+    for (k, &i) in order.iter().enumerate() {
+        let t = level.triangles[i];
+        let lead = leader(&t);
+        let turn = t.iter().position(|&v| v == lead).unwrap_or(0);
+        let turned = [t[turn], t[(turn + 1) % 3], t[(turn + 2) % 3]];
+        places[first + i] = Place { index: (first + k) as u32, turn: turn as u8 };
+        if lead == u32::MAX { rest.push(turned) } else { refinements[at(lead)].triangles.push(turned) }
     }
     let mut out = Vec::new();
     for r in &refinements {
         model.write(r, &mut out);
     }
     let mut row = Vec::new();
-    let moved: HashMap<u32, Vec<i32>> = level.moved.ids.iter().enumerate().map(|(i, &v)| {
+    let rows = level.moved.ids.iter().enumerate().map(|(i, &v)| {
         row.clear();
         channels.row(&level.moved.values, i, &mut row);
         (v, row.clone())
-    }).collect();
+    });
     // A move below the grid's step is none.
-    let mut moved: Vec<_> = moved.into_iter().filter(|(v, row)| model.row(*v) != &row[..]).collect();
+    let mut moved: Vec<_> = rows.filter(|(v, row)| model.row(*v) != &row[..]).collect();
     moved.sort_unstable();
     model.write_tail(&rest, &moved, &mut out);
     // A last zero byte, so that a decoder knows the end of the level before the inflater says so.
     varint::put(&mut out, 0);
-    Ok(out)
+    out
 }

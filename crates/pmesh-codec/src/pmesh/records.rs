@@ -65,7 +65,7 @@ pub(super) struct Refinement {
     pub(super) position_of: Option<u32>,
     pub(super) row: Vec<i32>,
     pub(super) corner_moves: Vec<CornerMove>,
-    /// Triangles whose highest vertex this is.
+    /// Triangles whose highest vertex this is, turned so that it leads.
     pub(super) triangles: Vec<[u32; 3]>,
 }
 
@@ -125,10 +125,9 @@ impl Model {
         put(out, r.triangles.len() as u32);
         for t in &r.triangles {
             self.corners.add_triangle(*t);
-            // Turned so that the highest vertex leads; it is known and not sent.
-            let lead = t.iter().position(|&x| x == v).unwrap_or(0);
-            put(out, v.wrapping_sub(t[(lead + 1) % 3]));
-            put(out, v.wrapping_sub(t[(lead + 2) % 3]));
+            // The first is the new vertex itself and is not sent.
+            put(out, v - t[1]);
+            put(out, v - t[2]);
         }
         self.rows.extend_from_slice(&r.row);
     }

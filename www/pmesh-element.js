@@ -1,0 +1,602 @@
+// <p-mesh>: a progressive mesh as an HTML element. What the page sees is all in the comment of PMeshElement.
+
+import { OrbitCamera, attachControls } from "./pmesh-controls.js";
+import { PMeshLoader } from "./pmesh-loader.js";
+import * as runtime from "./pmesh-runtime.js";
+
+const TEMPLATE = document.createElement("template");
+TEMPLATE.innerHTML = `<style>
+:host { display: inline-block; position: relative; width: 300px; height: 300px; contain: content; }
+:host([hidden]) { display: none; }
+canvas, .poster, .fallback { position: absolute; inset: 0; width: 100%; height: 100%; }
+canvas { touch-action: none; outline: none; }
+canvas:focus-visible { outline: 2px solid Highlight; outline-offset: -2px; }
+:host(:not([camera-controls])) canvas { touch-action: auto; }
+.poster { object-fit: contain; }
+.shown .poster, .shown .fallback { display: none; }
+.debug { position: absolute; left: 0; top: 0; margin: 6px; padding: 4px 8px; font: 11px/1.45 ui-monospace, monospace;
+  background: rgb(10 16 24 / 72%); color: #e8eef4; border-radius: 4px; pointer-events: none; white-space: pre; }
+.status { position: absolute; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%); }
+</style>
+<div class="frame">
+  <div class="fallback"><slot></slot></div>
+  <img class="poster" part="poster" alt="" hidden>
+  <canvas part="canvas" width="1" height="1"></canvas>
+  <pre class="debug" part="debug" hidden></pre>
+  <span class="status" role="status"></span>
+</div>`;
+
+/** Seconds in which a new level is morphed in. */
+const MORPH_SECONDS = 0.3;
+/** Radians a second of auto-rotate. */
+const ROTATE_SPEED = 0.5;
+
+/**
+ * A 3D model that shows at once and sharpens while it arrives.
+ *
+ * @element p-mesh
+ *
+ * @attr {string} src - URL of a .pmesh, .lod or .lod.gz file. Changing it aborts the download before.
+ * @attr {number} level - Level of detail to show: 0 is the finest, fractions morph. Without it the newest shows.
+ *   Kept until it has arrived; the nearest that is there shows meanwhile. Downloading stops once it is reached.
+ * @attr {number} max-triangles - Show, and download, no level of more triangles than this (the coarsest is always shown).
+ * @attr {number} auto-level - Pixels of geometric error allowed: levels finer than that are neither shown nor downloaded.
+ * @attr {boolean} camera-controls - Turn and zoom by mouse, touch, wheel and keyboard (arrows, + and -, Home).
+ * @attr {boolean} auto-rotate - Turn slowly; not under prefers-reduced-motion.
+ * @attr {boolean} wireframe - Draw the edges over the faces.
+ * @attr {string} background - A CSS colour; transparent by default.
+ * @attr {string} alt - What the model shows, for those who cannot see it.
+ * @attr {string} poster - URL of an image to show until the model does.
+ * @attr {"eager"|"lazy"} loading - lazy begins only near the visible part of the page.
+ * @attr {""|"representatives"} debug - An overlay with bytes, level, triangles and frame time; with "representatives"
+ *   faces are coloured by the vertex that stands for them in the coarsest level.
+ * Every attribute is a property too, in camel case (maxTriangles, autoLevel, cameraControls, autoRotate). Values that are
+ * not understood are reported on the console.
+ *
+ * @prop {StreamInfo|null} info - The stream's header with its level table. Read only.
+ * @prop {number|null} shownLevel - Level that is drawn now. Read only.
+ * @prop {number} levelCount - Levels in all, as far as known. Read only.
+ * @prop {number} bytes - Bytes received. Read only.
+ * @prop {boolean} complete - True once every byte has arrived. Read only.
+ * @prop {OrbitCamera} camera - yaw, pitch, zoom; call requestRender() after changing them.
+ * @prop {number} PMeshElement.triangleBudget - Static: triangles that all elements may draw together, shared out by their
+ *   size on screen; Infinity by default.
+ *
+ * @method setLevel - setLevel(level: number|null): as the level property; throws a RangeError if it is not a number.
+ * @method addLevel - addLevel(data: LevelData): Promise<LevelReady>: appends a level that the page made; needs no src.
+ * @method update - Shows levels whose levelready event was canceled.
+ * @method pause - Stops downloading; what is there stays.
+ * @method play - Goes on downloading where it stopped.
+ * @method toBlob - toBlob(type = "image/png", quality?): Promise<Blob>: the picture.
+ * @method requestRender - Draws again in the next frame.
+ *
+ * @fires levelready - Once for each level, in order, when it has arrived: detail has step, level, levelCount (or null),
+ *   vertices, triangles, bytes, error (or null). Canceled (preventDefault), the level shows only after update().
+ * @fires levelchange - The level drawn is another: detail has level and triangles.
+ * @fires progress - Bytes arrived: detail has bytes and totalBytes (or null). At most once a frame.
+ * @fires load - Every byte has arrived.
+ * @fires error - Loading or drawing failed: detail has code and message. What had arrived stays. Codes: http, network,
+ *   gpu, and a decoder's: unknown-format, newer-version, syntax, truncated, checksum, limit, invalid-mesh.
+ *
+ * @cssprop --pmesh-color - Colour of models that have none.
+ * @csspart canvas - The picture.
+ * @csspart poster - The poster image.
+ * @csspart debug - The debug overlay.
+ * @slot - What to show until the first picture, and where the model cannot be shown.
+ */
+export class PMeshElement extends HTMLElement {
+  static observedAttributes = [
+    "src", "level", "max-triangles", "auto-level", "camera-controls", "auto-rotate", "wireframe", "background", "alt",
+    "poster", "loading", "debug",
+  ];
+
+  static get triangleBudget() {
+    return runtime.triangleBudget();
+  }
+  static set triangleBudget(triangles) {
+    runtime.setTriangleBudget(triangles);
+  }
+
+  camera = new OrbitCamera();
+
+  #root;
+  #canvas;
+  #context;
+  #loader = null;
+  #controls = null;
+  #resizes;
+  #intersections;
+  #near = false;
+  #visible = false;
+  #paused = false;
+  #started = false;
+  /** Finest step that may be shown: levels whose levelready was canceled wait for update(). */
+  #allowedStep = -1;
+  /** Step drawn now, fractional while it morphs. */
+  #shownStep = -1;
+  #drawnLevel = null;
+  #lastTime = 0;
+  #frameMs = 0;
+  #drawing = false;
+  #progressDue = false;
+  #lastError = null;
+  #background = [0, 0, 0, 0];
+  #imageGeneration = -1;
+  #image = null;
+
+  constructor() {
+    super();
+    this.#root = this.attachShadow({ mode: "open" });
+    this.#root.append(TEMPLATE.content.cloneNode(true));
+    this.#canvas = this.#part("canvas");
+    this.#context = this.#canvas.getContext("2d");
+    this.#resizes = new ResizeObserver(() => this.requestRender());
+    this.#intersections = new IntersectionObserver((entries) => this.#intersected(entries.at(-1)), { rootMargin: "300px" });
+  }
+
+  #part(selector) {
+    return this.#root.querySelector(selector);
+  }
+
+  // ---- life cycle
+
+  connectedCallback() {
+    // Properties that were set before the element was defined hide the accessors: set them again.
+    for (const name of ["src", "level", "maxTriangles", "autoLevel", "cameraControls", "autoRotate", "wireframe",
+      "background", "alt", "poster", "loading", "debug"]) {
+      if (!Object.hasOwn(this, name)) continue;
+      const value = this[name];
+      delete this[name];
+      this[name] = value;
+    }
+    runtime.addClient(this);
+    this.#resizes.observe(this);
+    this.#intersections.observe(this);
+    this.#describe();
+    if (this.loading !== "lazy") this.#start();
+    this.#reconsider();
+  }
+
+  disconnectedCallback() {
+    this.#resizes.disconnect();
+    this.#intersections.disconnect();
+    this.#near = this.#visible = false;
+    runtime.removeClient(this);
+    this.#loader?.stop();
+    // An element that is only moved to another place keeps what the GPU has.
+    queueMicrotask(() => {
+      if (!this.isConnected) this.#release();
+    });
+  }
+
+  #release() {
+    const model = this.#loader?.model;
+    this.#imageGeneration = -1;
+    if (model) runtime.getRenderer().then((renderer) => renderer.release(model), () => {});
+  }
+
+  attributeChangedCallback(name, before, now) {
+    if (before === now) return;
+    switch (name) {
+      case "src":
+        this.#reset();
+        if (this.isConnected && (this.loading !== "lazy" || this.#near)) this.#start();
+        break;
+      case "level": case "max-triangles": case "auto-level":
+        this.#checkNumber(name, now);
+        this.#reconsider();
+        break;
+      case "camera-controls":
+        this.#controls?.abort();
+        this.#controls = null;
+        if (now !== null) {
+          this.#controls = new AbortController();
+          attachControls(this.#canvas, this.camera, () => this.#cameraMoved(), this.#controls.signal);
+        }
+        this.#describe();
+        break;
+      case "background":
+        this.#background = this.#parseColor(now ?? "transparent", "background") ?? this.#background;
+        break;
+      case "alt":
+        this.#describe();
+        break;
+      case "poster": {
+        const image = this.#part(".poster");
+        image.hidden = now === null;
+        if (now === null) image.removeAttribute("src");
+        else image.src = now;
+        break;
+      }
+      case "loading":
+        if (now !== null && now !== "lazy" && now !== "eager") this.#report(`loading="${now}" is neither lazy nor eager`);
+        if (this.isConnected && now !== "lazy") this.#start();
+        break;
+      case "debug":
+        this.#part(".debug").hidden = now === null;
+        if (now !== null && now !== "" && now !== "representatives") this.#report(`debug="${now}" is not known`);
+        break;
+    }
+    this.requestRender();
+  }
+
+  #report(text) {
+    console.warn(`<p-mesh>: ${text}`);
+  }
+  #checkNumber(name, text) {
+    if (text !== null && Number.isNaN(Number.parseFloat(text))) this.#report(`${name}="${text}" is not a number`);
+  }
+  #parseColor(text, name) {
+    if (!CSS.supports("color", text)) {
+      this.#report(`${name}: "${text}" is not a colour`);
+      return null;
+    }
+    const probe = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
+    probe.fillStyle = text;
+    probe.fillRect(0, 0, 1, 1);
+    return [...probe.getImageData(0, 0, 1, 1).data].map((byte) => byte / 255);
+  }
+  #describe() {
+    const interactive = this.hasAttribute("camera-controls");
+    this.#canvas.setAttribute("role", interactive ? "application" : "img");
+    this.#canvas.setAttribute("aria-label", this.alt || "3D model");
+    if (interactive) {
+      this.#canvas.tabIndex = 0;
+      this.#canvas.setAttribute("aria-description", "Arrow keys turn the model, plus and minus zoom, Home resets.");
+    } else {
+      this.#canvas.removeAttribute("tabindex");
+      this.#canvas.removeAttribute("aria-description");
+    }
+  }
+  #say(text) {
+    const status = this.#part(".status");
+    if (status.textContent !== text) status.textContent = text;
+  }
+
+  // ---- loading
+
+  #reset() {
+    this.#release();
+    this.#loader?.dispose();
+    this.#loader = null;
+    this.#started = false;
+    this.#allowedStep = this.#shownStep = -1;
+    this.#drawnLevel = null;
+    this.#image = this.#lastError = null;
+    this.#part(".frame").classList.remove("shown");
+  }
+
+  #makeLoader(src) {
+    const loader = new PMeshLoader(src, {
+      events: (events) => this.#loader === loader && this.#arrived(events),
+      done: () => {
+        if (this.#loader !== loader) return;
+        this.#say(`${this.alt || "Model"}: complete`);
+        this.dispatchEvent(new CustomEvent("load"));
+      },
+      failed: (error) => this.#loader === loader && this.#failed(error),
+    });
+    this.#loader = loader;
+    return loader;
+  }
+
+  #start() {
+    const src = this.getAttribute("src");
+    if (this.#started || !src) return;
+    this.#started = true;
+    this.#say(`${this.alt || "Model"}: loading`);
+    const loader = this.#makeLoader(new URL(src, document.baseURI).href);
+    if (!this.#paused) loader.start();
+    // The renderer compiles its shaders while the first bytes travel.
+    runtime.getRenderer().catch((error) => this.#loader === loader && this.#failed(error));
+  }
+
+  #failed(error) {
+    const code = error?.code ?? "internal";
+    const message = error?.message ?? String(error);
+    // One cause may reach us by two ways, such as a module that does not compile.
+    if (this.#lastError === message) return;
+    this.#lastError = message;
+    this.#say(`${this.alt || "Model"}: ${message}`);
+    this.dispatchEvent(new CustomEvent("error", { detail: { code, message } }));
+  }
+
+  #arrived(events) {
+    for (const event of events) {
+      if (event.type === "level") this.#levelReady(event);
+      else if (event.type === "texture") this.#decodeImage(event);
+      else if (event.type === "warning") this.#report(event.text);
+    }
+    this.#progressDue = true;
+    this.#reconsider();
+    this.requestRender();
+  }
+
+  #levelReady(detail) {
+    const go = this.dispatchEvent(new CustomEvent("levelready", { detail, cancelable: true }));
+    // Once one is held back, later ones wait with it: levels show in order.
+    if (go && this.#allowedStep === detail.step - 1) this.#allowedStep = detail.step;
+  }
+
+  async #decodeImage({ mime, bytes }) {
+    try {
+      const bitmap = await createImageBitmap(new Blob([bytes], { type: mime }));
+      const scale = Math.min(1, 4096 / Math.max(bitmap.width, bitmap.height));
+      const [width, height] = [bitmap.width, bitmap.height].map((n) => Math.max(1, Math.round(n * scale)));
+      const context = new OffscreenCanvas(width, height).getContext("2d");
+      context.drawImage(bitmap, 0, 0, width, height);
+      this.#image = { width, height, pixels: context.getImageData(0, 0, width, height).data };
+      this.#imageGeneration = -1;
+      this.requestRender();
+    } catch (error) {
+      this.#failed({ code: "bad-image", message: `the base-colour image cannot be decoded: ${error.message}` });
+    }
+  }
+
+  /** Level that is wanted now: the page's, or the coarsest that satisfies what limits there are. */
+  #wantedLevel() {
+    const model = this.#loader?.model;
+    const asked = this.level;
+    if (asked !== null) return Math.max(0, asked);
+    if (!model) return 0;
+    let level = 0;
+    const limit = Math.min(this.maxTriangles ?? Infinity, runtime.budgetShare(this));
+    if (limit < Infinity) level = Math.max(level, model.levelForTriangles(limit));
+    if (this.autoLevel !== null) level = Math.max(level, model.levelForPixels(this.autoLevel, this.#view()));
+    return level;
+  }
+
+  /** Stops or resumes the download as what is wanted and what is visible say. */
+  #reconsider() {
+    const loader = this.#loader;
+    if (!loader || !this.isConnected) return;
+    const model = loader.model;
+    const enough = model?.info?.levels && model.arrivedLevels > 0 && model.finestLevel <= this.#wantedLevel();
+    // Until the first report of the observer an element counts as near.
+    const hidden = this.#visible === false && this.#near === false && this.#intersectionKnown;
+    if (this.#paused || enough || hidden) loader.stop();
+    else loader.start();
+  }
+  #intersectionKnown = false;
+
+  #intersected(entry) {
+    this.#intersectionKnown = true;
+    this.#near = entry.isIntersecting;
+    this.#visible = entry.isIntersecting;
+    if (this.#near) this.#start();
+    for (const client of runtime.allClients()) client.budgetChanged();
+    this.requestRender();
+  }
+
+  // ---- called by the runtime
+
+  get visibleArea() {
+    if (!this.#visible) return 0;
+    return this.clientWidth * this.clientHeight;
+  }
+  budgetChanged() {
+    this.#reconsider();
+    this.requestRender();
+  }
+  rendererRestored() {
+    this.#imageGeneration = -1;
+    this.requestRender();
+  }
+
+  frame(time) {
+    if (!this.isConnected) return;
+    if (this.#progressDue) {
+      this.#progressDue = false;
+      const totalBytes = this.info?.totalBytes ?? null;
+      this.dispatchEvent(new CustomEvent("progress", { detail: { bytes: this.bytes, totalBytes } }));
+    }
+    this.#draw(time);
+  }
+
+  // ---- drawing
+
+  #cameraMoved() {
+    if (this.autoLevel !== null) this.#reconsider();
+    this.requestRender();
+  }
+
+  #view() {
+    const ratio = window.devicePixelRatio || 1;
+    const width = Math.max(1, Math.round(this.clientWidth * ratio));
+    const height = Math.max(1, Math.round(this.clientHeight * ratio));
+    const { yaw, pitch, zoom } = this.camera;
+    return { width, height, yaw, pitch, zoom };
+  }
+
+  /** Moves the shown step towards the wanted one; true while it is on its way. */
+  #morph(seconds) {
+    const model = this.#loader.model;
+    const count = model.levelCount;
+    const newest = Math.min(this.#allowedStep, model.arrivedLevels - 1);
+    const wanted = Math.max(0, Math.min(newest, count - 1 - this.#wantedLevel()));
+    const still = this.level !== null || this.#shownStep < 0 || matchMedia("(prefers-reduced-motion: reduce)").matches;
+    if (still) {
+      this.#shownStep = wanted;
+      return false;
+    }
+    const left = wanted - this.#shownStep;
+    // At least a step a MORPH_SECONDS; all that is left within one, however many came at once.
+    const step = (Math.max(1, Math.abs(left)) * seconds) / MORPH_SECONDS;
+    this.#shownStep = Math.abs(left) <= step ? wanted : this.#shownStep + Math.sign(left) * step;
+    return this.#shownStep !== wanted;
+  }
+
+  async #draw(time) {
+    const model = this.#loader?.model;
+    if (!model || model.arrivedLevels === 0 || this.#allowedStep < 0 || !this.#visible || this.#drawing) return;
+    let renderer;
+    this.#drawing = true;
+    try {
+      renderer = await runtime.getRenderer();
+    } catch (error) {
+      this.#failed(error);
+      return;
+    } finally {
+      this.#drawing = false;
+    }
+    if (!renderer || this.#loader?.model !== model || !this.isConnected) return;
+    const seconds = Math.min(0.1, Math.max(0, (time - this.#lastTime) / 1000));
+    this.#lastTime = time;
+    const moving = this.#morph(seconds);
+    const turning = this.hasAttribute("auto-rotate") && !matchMedia("(prefers-reduced-motion: reduce)").matches;
+    if (turning) this.camera.turn(ROTATE_SPEED * seconds, 0);
+    const started = performance.now();
+    let result;
+    try {
+      this.#uploadImage(renderer, model);
+      result = runtime.drawTo(renderer, model, this.#options(model), this.#context);
+    } catch (error) {
+      this.#failed(error);
+      return;
+    }
+    if (!result) return;
+    this.#frameMs = performance.now() - started;
+    if (result.level >= 0) this.#drawn(result, renderer);
+    if (moving || turning || !result.complete) this.requestRender();
+  }
+
+  #options(model) {
+    const color = getComputedStyle(this).getPropertyValue("--pmesh-color").trim();
+    return {
+      ...this.#view(),
+      background: this.#background,
+      baseColor: (color && this.#cachedColor(color)) || [],
+      wireframe: this.wireframe,
+      representatives: this.debug === "representatives",
+      shownLevel: model.levelCount - 1 - this.#shownStep,
+    };
+  }
+  #colors = new Map();
+  #cachedColor(text) {
+    if (!this.#colors.has(text)) this.#colors.set(text, this.#parseColor(text, "--pmesh-color"));
+    return this.#colors.get(text);
+  }
+
+  #uploadImage(renderer, model) {
+    if (!this.#image || this.#imageGeneration === runtime.rendererGeneration()) return;
+    const { width, height, pixels } = this.#image;
+    renderer.setImage(model, width, height, new Uint8Array(pixels.buffer));
+    this.#imageGeneration = runtime.rendererGeneration();
+  }
+
+  #drawn({ level, triangles }, renderer) {
+    this.#part(".frame").classList.add("shown");
+    if (level !== this.#drawnLevel) {
+      this.#drawnLevel = level;
+      this.dispatchEvent(new CustomEvent("levelchange", { detail: { level, triangles } }));
+    }
+    if (this.debug !== null) {
+      const total = this.info?.totalBytes;
+      this.#part(".debug").textContent = [
+        `bytes     ${this.bytes.toLocaleString("en")}${total ? ` of ${total.toLocaleString("en")}` : ""}`,
+        `level     ${level.toFixed(2)} of ${this.levelCount}`,
+        `triangles ${triangles.toLocaleString("en")}`,
+        `frame     ${this.#frameMs.toFixed(1)} ms`,
+        `uploaded  ${renderer.uploadedBytes.toLocaleString("en")} bytes`,
+      ].join("\n");
+    }
+  }
+
+  requestRender() {
+    if (this.isConnected) runtime.requestFrame(this);
+  }
+
+  // ---- the page's interface
+
+  get info() {
+    return this.#loader?.model?.info ?? null;
+  }
+  get shownLevel() {
+    return this.#drawnLevel;
+  }
+  get levelCount() {
+    return this.#loader?.model?.levelCount ?? 0;
+  }
+  get bytes() {
+    return this.#loader?.model?.bytes ?? 0;
+  }
+  get complete() {
+    return this.#loader?.model?.isWhole ?? false;
+  }
+  /** The WebAssembly module's Model, once there is one. */
+  get model() {
+    return this.#loader?.model ?? null;
+  }
+
+  setLevel(level) {
+    if (level !== null && (typeof level !== "number" || Number.isNaN(level))) {
+      throw new RangeError(`a level is a number or null, not ${level}`);
+    }
+    this.level = level;
+  }
+
+  async addLevel(data) {
+    await runtime.loadModule();
+    const loader = this.#loader ?? this.#makeLoader(null);
+    const event = (await loader.emptyModel()).addLevel(data);
+    this.#arrived([event]);
+    return event;
+  }
+
+  update() {
+    this.#allowedStep = Math.max(this.#allowedStep, (this.#loader?.model?.arrivedLevels ?? 0) - 1);
+    this.requestRender();
+  }
+  pause() {
+    this.#paused = true;
+    this.#reconsider();
+  }
+  play() {
+    this.#paused = false;
+    this.#reconsider();
+  }
+
+  toBlob(type = "image/png", quality = undefined) {
+    return new Promise((resolve, reject) => {
+      const done = (blob) => (blob ? resolve(blob) : reject(new Error(`the browser cannot write ${type}`)));
+      this.#canvas.toBlob(done, type, quality);
+    });
+  }
+}
+
+// Attributes as properties.
+const camel = (name) => name.replace(/-(.)/g, (_, letter) => letter.toUpperCase());
+for (const name of ["src", "background", "alt", "poster", "loading"]) {
+  Object.defineProperty(PMeshElement.prototype, camel(name), {
+    get() { return this.getAttribute(name) ?? ""; },
+    set(value) { if (value == null) this.removeAttribute(name); else this.setAttribute(name, value); },
+    enumerable: true, configurable: true,
+  });
+}
+for (const name of ["level", "max-triangles", "auto-level"]) {
+  Object.defineProperty(PMeshElement.prototype, camel(name), {
+    get() {
+      const value = Number.parseFloat(this.getAttribute(name) ?? "");
+      return Number.isNaN(value) ? null : value;
+    },
+    set(value) { if (value == null) this.removeAttribute(name); else this.setAttribute(name, String(value)); },
+    enumerable: true, configurable: true,
+  });
+}
+for (const name of ["camera-controls", "auto-rotate", "wireframe"]) {
+  Object.defineProperty(PMeshElement.prototype, camel(name), {
+    get() { return this.hasAttribute(name); },
+    set(value) { this.toggleAttribute(name, Boolean(value)); },
+    enumerable: true, configurable: true,
+  });
+}
+Object.defineProperty(PMeshElement.prototype, "debug", {
+  get() { return this.getAttribute("debug"); },
+  set(value) {
+    if (value == null || value === false) this.removeAttribute("debug");
+    else this.setAttribute("debug", value === true ? "" : value);
+  },
+  enumerable: true, configurable: true,
+});
+
+if (!customElements.get("p-mesh")) customElements.define("p-mesh", PMeshElement);

@@ -1,0 +1,99 @@
+// Downloads one stream into one Model: starts while the module compiles, stops and resumes where it stopped, tries again
+// when the connection breaks. Knows nothing of drawing.
+
+import { loadModule } from "./pmesh-runtime.js";
+
+/** Milliseconds before each new try after the connection broke. */
+const RETRY_MS = [300, 1000, 3000];
+
+export class PMeshLoader {
+  /** The Model, once the module is there. */
+  model = null;
+  #src;
+  #to;
+  #abort = null;
+  #tries = 0;
+  #ended = false;
+  #timer = 0;
+
+  /** `to` has events(list), done() and failed(error). `src` may be null for a model that the page makes. */
+  constructor(src, to) {
+    this.#src = src;
+    this.#to = to;
+  }
+
+  /** Begins, or goes on where it was stopped. */
+  start() {
+    if (this.#abort || this.#ended || !this.#src || this.#timer) return;
+    const abort = new AbortController();
+    this.#abort = abort;
+    this.#run(abort).then(
+      () => {
+        this.#ended = true;
+        if (this.#abort === abort) this.#abort = null;
+        this.#to.done();
+      },
+      (error) => {
+        if (this.#abort === abort) this.#abort = null;
+        if (!abort.signal.aborted) this.#failed(error);
+      },
+    );
+  }
+
+  /** Lets the connection go; what has arrived stays. */
+  stop() {
+    clearTimeout(this.#timer);
+    this.#timer = 0;
+    this.#abort?.abort();
+    this.#abort = null;
+  }
+
+  dispose() {
+    this.stop();
+    this.#ended = true;
+    // Its memory goes when the last stream or picture lets go of it.
+    this.model = null;
+  }
+
+  async emptyModel() {
+    const { Model } = await loadModule();
+    this.model ??= new Model();
+    return this.model;
+  }
+
+  async #run(abort) {
+    const { signal } = abort;
+    const tell = (events) => {
+      if (signal.aborted) return;
+      this.#tries = 0;
+      this.#to.events(events);
+    };
+    if (this.model) {
+      await this.model.resume(this.#src, signal, tell);
+      return;
+    }
+    // The request is on its way before the module has compiled.
+    const response = fetch(this.#src, { signal }).catch((error) => {
+      if (signal.aborted) throw error;
+      const message = `the request failed (${error.message}): the server is away, or does not allow this page (CORS)`;
+      throw Object.assign(new Error(message), { code: "network" });
+    });
+    response.catch(() => {});
+    await this.emptyModel();
+    await this.model.stream(await response, tell);
+  }
+
+  #failed(error) {
+    // What broke in the middle of a file is worth another try; what never began is not.
+    const broke = error?.code === "network" && this.model && this.model.bytes > 0;
+    if (broke && this.#tries < RETRY_MS.length) {
+      this.#timer = setTimeout(() => {
+        this.#timer = 0;
+        this.start();
+      }, RETRY_MS[this.#tries++]);
+      return;
+    }
+    this.#ended = true;
+    this.#to.failed(error);
+  }
+}

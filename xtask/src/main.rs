@@ -1,0 +1,75 @@
+//! Chores in Rust, so that two commands do everything: `cargo xtask demo` and `cargo xtask test`.
+
+mod build;
+mod serve;
+mod shell;
+mod test;
+mod tools;
+
+use clap::{Parser, Subcommand};
+use shell::Result;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Builds, shows and tests pmesh.
+#[derive(Parser)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Get what is missing, build, encode the samples and any MESH, and serve the gallery on localhost
+    Demo {
+        /// Meshes to show beside the samples: OBJ, PLY, STL, OFF, glTF, GLB
+        meshes: Vec<PathBuf>,
+        /// Bytes a second that streams are sent at, such as 200k or 2M; unlimited by default
+        #[arg(long, value_parser = serve::parse_rate)]
+        throttle: Option<u64>,
+        /// Port; 0 takes any free one
+        #[arg(long, default_value_t = 8080)]
+        port: u16,
+    },
+    /// Run every test: native, docs, lints, both browsers, the page end to end. Installs browsers where it can
+    Test {
+        /// Only these parts: lint, native, wasm, browser, e2e
+        #[arg(long, value_delimiter = ',')]
+        only: Vec<String>,
+    },
+    /// Serve www/ and pkg/ as they are
+    Serve {
+        #[arg(long, value_parser = serve::parse_rate)]
+        throttle: Option<u64>,
+        #[arg(long, default_value_t = 8080)]
+        port: u16,
+    },
+    /// Build the browser modules in release and report their sizes
+    Build,
+    /// Renew the screenshots of the README in docs/
+    Screenshots,
+}
+
+fn main() -> ExitCode {
+    match run(Cli::parse().command) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("\nxtask: {message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(command: Command) -> Result<()> {
+    std::env::set_current_dir(shell::root()).map_err(|e| format!("the project folder: {e}"))?;
+    match command {
+        Command::Demo { meshes, throttle, port } => {
+            build::everything(&meshes)?;
+            serve::run(port, throttle)
+        }
+        Command::Test { only } => test::run(&only),
+        Command::Serve { throttle, port } => serve::run(port, throttle),
+        Command::Build => build::modules().map(|_| ()),
+        Command::Screenshots => test::screenshots(),
+    }
+}
