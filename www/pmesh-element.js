@@ -351,7 +351,8 @@ export class PMeshElement extends HTMLElement {
     const loader = this.#loader;
     if (!loader || !this.isConnected) return;
     const model = loader.model;
-    const enough = model?.info?.levels && model.arrivedLevels > 0 && model.finestLevel <= this.#wantedLevel();
+    const enough =
+      model?.info?.levels && !model.isWhole && model.arrivedLevels > 0 && model.finestLevel <= this.#wantedLevel();
     // Until the first report of the observer an element counts as near.
     const hidden = this.#visible === false && this.#near === false && this.#intersectionKnown;
     if (this.#paused || enough || hidden) loader.stop();

@@ -95,7 +95,10 @@ impl Renderer {
         let texture_side = limits.max_texture_dimension_2d;
         let descriptor = wgpu::DeviceDescriptor { required_limits: limits, ..Default::default() };
         let (device, queue) = adapter.request_device(&descriptor).await.map_err(gpu_error)?;
-        let format = surface.get_capabilities(&adapter).formats.first().copied().ok_or_else(|| gpu_error("no surface format"))?;
+        // Colours are CSS colours: nothing is converted on the way out.
+        let formats = surface.get_capabilities(&adapter).formats;
+        let plain = formats.iter().find(|f| !f.is_srgb()).or(formats.first());
+        let format = *plain.ok_or_else(|| gpu_error("no surface format"))?;
         let multisampled = adapter.get_texture_format_features(format).flags.contains(wgpu::TextureFormatFeatureFlags::MULTISAMPLE_X4);
         let samples = if multisampled { 4 } else { 1 };
         let pipelines = Pipelines::new(&device, &queue, format, samples).map_err(gpu_error)?;

@@ -127,9 +127,9 @@ fn shade(normal: vec3<f32>, to_eye: vec3<f32>, albedo: vec3<f32>) -> vec3<f32> {
     let up = cross(to_eye, right);
     let key = normalize(to_eye - 0.75 * right + 0.85 * up);
     let fill = normalize(0.4 * to_eye + right + 0.1 * up);
-    let sky = mix(vec3<f32>(0.16, 0.15, 0.15), vec3<f32>(0.34, 0.37, 0.42), normal.y * 0.5 + 0.5);
-    let light = sky + vec3<f32>(0.78, 0.75, 0.7) * max(dot(normal, key), 0.0) + vec3<f32>(0.16, 0.17, 0.2) * max(dot(normal, fill), 0.0);
-    let shine = pow(max(dot(normal, normalize(key + to_eye)), 0.0), 48.0) * 0.16;
+    let sky = mix(vec3<f32>(0.22, 0.20, 0.19), vec3<f32>(0.40, 0.43, 0.48), normal.y * 0.5 + 0.5);
+    let light = sky + vec3<f32>(0.68, 0.66, 0.62) * max(dot(normal, key), 0.0) + vec3<f32>(0.12, 0.13, 0.16) * max(dot(normal, fill), 0.0);
+    let shine = pow(max(dot(normal, normalize(key + to_eye)), 0.0), 48.0) * 0.12;
     return albedo * light + vec3<f32>(shine);
 }
 
@@ -146,8 +146,10 @@ fn fragment(in: Varying) -> @location(0) vec4<f32> {
         var smooth_normal = normalize(in.normal);
         // Both sides are lit.
         smooth_normal = select(-smooth_normal, smooth_normal, dot(smooth_normal, face) >= 0.0);
-        let crease = (view.flags.x & GIVEN_NORMALS) == 0u && dot(smooth_normal, face) < view.morph.y;
-        normal = select(smooth_normal, face, crease);
+        // Softly, since the smooth normal varies within a face and the other does not.
+        let along = smoothstep(view.morph.y - 0.15, view.morph.y + 0.15, dot(smooth_normal, face));
+        let smoothness = select(along, 1.0, (view.flags.x & GIVEN_NORMALS) != 0u);
+        normal = normalize(mix(face, smooth_normal, smoothness));
     }
     var albedo = in.color.rgb * view.base_color.rgb;
     if (view.flags.x & IMAGE) != 0u {

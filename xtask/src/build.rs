@@ -8,9 +8,8 @@ use std::path::{Path, PathBuf};
 /// Samples of the gallery; `pmesh sample --help` says what they are.
 const SAMPLES: [&str; 5] = ["globe", "marble", "knot", "part", "tetrahedra"];
 /// Element files that go into the npm package beside the module.
-const ELEMENT_FILES: [&str; 6] = [
-    "pmesh-element.js", "pmesh-element.d.ts", "pmesh-loader.js", "pmesh-runtime.js", "pmesh-controls.js", "custom-elements.json",
-];
+const ELEMENT_FILES: [&str; 5] =
+    ["pmesh-element.js", "pmesh-element.d.ts", "pmesh-loader.js", "pmesh-runtime.js", "pmesh-controls.js"];
 
 /// Raw and compressed size of a module.
 pub struct Sizes {
@@ -76,9 +75,8 @@ fn complete_package() -> Result<()> {
     "./pmesh_bg.wasm": "./pmesh_bg.wasm"
   }},
   "types": "./pmesh-element.d.ts",
-  "customElements": "./custom-elements.json",
   "sideEffects": ["./pmesh-element.js"],
-  "files": ["*.js", "*.d.ts", "*.wasm", "custom-elements.json", "README.md"]
+  "files": ["*.js", "*.d.ts", "*.wasm", "README.md"]
 }}
 "#
     );

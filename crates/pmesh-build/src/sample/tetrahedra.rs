@@ -1,24 +1,30 @@
 //! GV99's Figure 11: four tetrahedra meeting at their corners, again and again; non-manifold at every joint.
 
 use crate::cluster::Clustering;
-use pmesh_core::{IndexedMesh, Vertices};
+use pmesh_core::IndexedMesh;
 use std::collections::HashMap;
 
 const CORNERS: [[f32; 3]; 4] = [[0., 0., 0.], [2., 2., 0.], [2., 0., 2.], [0., 2., 2.]];
 
+type Point = [f32; 3];
+
+fn middle(a: Point, b: Point) -> Point {
+    std::array::from_fn(|k| (a[k] + b[k]) / 2.0)
+}
+
+fn tetrahedra(depth: u32) -> Vec<[Point; 4]> {
+    let split = |t: &[Point; 4]| -> [[Point; 4]; 4] {
+        let t = *t;
+        std::array::from_fn(|i| std::array::from_fn(|j| middle(t[i], t[j])))
+    };
+    (0..depth).fold(vec![CORNERS], |all, _| all.iter().flat_map(split).collect())
+}
+
 /// The model after `depth` subdivisions: 4 × 4^depth triangles (4, 16, 64), volume 8/3 / 2^depth.
 pub fn sierpinski(depth: u32) -> IndexedMesh {
-    let mut tetrahedra = vec![CORNERS];
-    for _ in 0..depth {
-        let split = |t: &[[f32; 3]; 4]| -> Vec<[[f32; 3]; 4]> {
-            let middle = |a: [f32; 3], b: [f32; 3]| std::array::from_fn(|k| (a[k] + b[k]) / 2.0);
-            (0..4).map(|i| std::array::from_fn(|j| middle(t[i], t[j]))).collect()
-        };
-        tetrahedra = tetrahedra.iter().flat_map(split).collect();
-    }
     let mut mesh = IndexedMesh::default();
     let mut index: HashMap<[u32; 3], u32> = HashMap::new();
-    for t in tetrahedra {
+    for t in tetrahedra(depth) {
         let v = t.map(|p| {
             *index.entry(p.map(f32::to_bits)).or_insert_with(|| {
                 mesh.vertices.positions.push(p);
@@ -31,23 +37,27 @@ pub fn sierpinski(depth: u32) -> IndexedMesh {
     mesh
 }
 
-/// The clusterings that lead from [`sierpinski`]`(depth)` back to a single tetrahedron: each small tetrahedron's corners go to
-/// the corner of the larger one that it sits at.
-pub fn sierpinski_steps(depth: u32) -> Vec<Clustering> {
-    (1..=depth)
-        .rev()
-        .map(|d| {
-            let (fine, coarse) = (sierpinski(d), sierpinski(d - 1));
-            let find = |p: [f32; 3]| nearest(&coarse.vertices, p);
-            let map = fine.vertices.positions.iter().map(|&p| find(p)).collect();
-            Clustering { vertices: coarse.vertices, map }
-        })
-        .collect()
-}
+/// The end of each edge (i, j) of a tetrahedron that its midpoint is mapped to: the small tetrahedron at corner 0 grows to
+/// the large one (Figure 13's representatives 4 -> 1, 5 -> 2, 6 -> 3), and none of the other three keeps a face.
+const ENDS: [(usize, usize, usize); 6] = [(0, 1, 1), (0, 2, 2), (0, 3, 3), (1, 2, 1), (2, 3, 2), (1, 3, 3)];
 
-/// A vertex that is a corner of the coarser mesh stays; a midpoint goes to the end that its edge's order names first.
-fn nearest(coarse: &Vertices, p: [f32; 3]) -> u32 {
-    let distance = |q: &[f32; 3]| -> f32 { (0..3).map(|k| (p[k] - q[k]).powi(2)).sum() };
-    let best = coarse.positions.iter().enumerate().min_by(|a, b| distance(a.1).total_cmp(&distance(b.1)));
-    best.map_or(0, |(i, _)| i as u32)
+/// The clusterings that lead from [`sierpinski`]`(depth)` back to a single tetrahedron.
+pub fn sierpinski_steps(depth: u32) -> Vec<Clustering> {
+    let step = |d: u32| {
+        let (fine, coarse) = (sierpinski(d), sierpinski(d - 1));
+        let bits = |p: Point| p.map(f32::to_bits);
+        let index = |mesh: &IndexedMesh| -> HashMap<[u32; 3], u32> {
+            mesh.vertices.positions.iter().enumerate().map(|(i, &p)| (bits(p), i as u32)).collect()
+        };
+        let of_coarse = index(&coarse);
+        let mut target: HashMap<[u32; 3], u32> = of_coarse.clone();
+        for t in tetrahedra(d - 1) {
+            for (i, j, end) in ENDS {
+                target.insert(bits(middle(t[i], t[j])), of_coarse[&bits(t[end])]);
+            }
+        }
+        let map = fine.vertices.positions.iter().map(|&p| target[&bits(p)]).collect();
+        Clustering { vertices: coarse.vertices, map }
+    };
+    (1..=depth).rev().map(step).collect()
 }

@@ -13,8 +13,8 @@ use std::collections::VecDeque;
 const PART_VERTICES: usize = 2048;
 /// Inflated bytes at a time.
 const INFLATE_BYTES: usize = 16 * 1024;
-/// Most inflated bytes a compressed one, over a block; real levels stay below 20, deflate could reach 1,032.
-const INFLATE_RATIO: u64 = 100;
+/// Most inflated bytes a compressed one, over a block; real levels stay below 4, deflate could reach 1,032.
+const INFLATE_RATIO: u64 = 50;
 
 /// What of a level comes next.
 #[derive(Clone, Copy, Debug, PartialEq)]
