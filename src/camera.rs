@@ -66,12 +66,20 @@ mod tests {
     #[test]
     fn at_zoom_1_the_box_fills_the_picture_and_leaves_it_by_its_corners_only() {
         for i in 0..200 {
-            let orbit = Orbit { yaw: i as f32 * 0.7, pitch: (i as f32 * 0.37).sin() * 1.6, zoom: 1.0, aspect: 0.3 + (i % 7) as f32 * 0.4 };
+            let orbit = Orbit {
+                yaw: i as f32 * 0.7,
+                pitch: (i as f32 * 0.37).sin() * 1.6,
+                zoom: 1.0,
+                aspect: 0.3 + (i % 7) as f32 * 0.4,
+            };
             let view = orbit.view(BOX);
             for corner in 0..8 {
                 let pick = |k: usize| if corner >> k & 1 == 0 { BOX.0[k] } else { BOX.1[k] };
                 let p = view.clip_from_world.project_point3(Vec3::new(pick(0), pick(1), pick(2)));
-                assert!(p.x.abs() <= 1.0 / FILL + 0.1 && p.y.abs() <= 1.0 / FILL + 0.1 && (0.0..=1.0).contains(&p.z), "{orbit:?} {p}");
+                assert!(
+                    p.x.abs() <= 1.0 / FILL + 0.1 && p.y.abs() <= 1.0 / FILL + 0.1 && (0.0..=1.0).contains(&p.z),
+                    "{orbit:?} {p}"
+                );
             }
             let center = view.clip_from_world.project_point3((Vec3::from(BOX.0) + Vec3::from(BOX.1)) / 2.0);
             assert!(center.truncate().length() < 1e-4);

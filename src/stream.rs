@@ -17,10 +17,15 @@ const SLICE_MS: f64 = 5.0;
 #[wasm_bindgen]
 impl Model {
     /// Reads a response to its end. `on_events` is called with what each slice brought. If the server ignored a range
-    /// request (status 200), bytes that are here already are skipped. Rejects with an `Error` whose `code` is
+    /// request (status 200), bytes that are here already are skipped. Aborting `signal` stops it at once. Rejects with an `Error` whose `code` is
     /// `http`, `network`, `aborted` or a decoder's.
-    pub async fn stream(&self, response: web_sys::Response, on_events: &Function) -> Result<(), JsValue> {
-        self.read(Response::from(response), on_events).await
+    pub async fn stream(
+        &self,
+        response: web_sys::Response,
+        signal: Option<web_sys::AbortSignal>,
+        on_events: &Function,
+    ) -> Result<(), JsValue> {
+        self.read(Response::from(response), signal.as_ref(), on_events).await
     }
 
     /// Requests what is still missing of `url`, from `bytes` on, and reads it as `stream` does. A single range needs no
@@ -32,10 +37,10 @@ impl Model {
             request = request.header("Range", &format!("bytes={from}-"));
         }
         let response = request.send().await.map_err(|e| request_error(&e, signal.as_ref()))?;
-        self.read(response, on_events).await
+        self.read(response, signal.as_ref(), on_events).await
     }
 
-    async fn read(&self, response: Response, on_events: &Function) -> Result<(), JsValue> {
+    async fn read(&self, response: Response, signal: Option<&web_sys::AbortSignal>, on_events: &Function) -> Result<(), JsValue> {
         let mut skip = self.check(&response)?;
         let body = response.body().ok_or_else(|| error("http", "the response has no body"))?;
         let reader: web_sys::ReadableStreamDefaultReader = body.get_reader().unchecked_into();
@@ -51,6 +56,10 @@ impl Model {
             let skipped = skip.min(bytes.len() as u64);
             skip -= skipped;
             for slice in bytes[skipped as usize..].chunks(SLICE_BYTES) {
+                // What is already here of an aborted download is not decoded: the page has stopped listening.
+                if signal.is_some_and(|s| s.aborted()) {
+                    return Err(aborted());
+                }
                 if let Err(e) = self.slice(slice, on_events) {
                     // Let the connection go; whatever that says, the decoder's error is the news.
                     let _ = reader.cancel();
@@ -107,9 +116,13 @@ impl Model {
     }
 }
 
+fn aborted() -> JsValue {
+    error("aborted", "the request was aborted")
+}
+
 fn request_error(e: &gloo_net::Error, signal: Option<&web_sys::AbortSignal>) -> JsValue {
     if signal.is_some_and(|s| s.aborted()) {
-        return error("aborted", "the request was aborted");
+        return aborted();
     }
     error("network", &format!("the request failed ({e}): the server is away, or does not allow this page (CORS)"))
 }
@@ -117,7 +130,7 @@ fn request_error(e: &gloo_net::Error, signal: Option<&web_sys::AbortSignal>) -> 
 fn read_error(e: JsValue) -> JsValue {
     let name = Reflect::get(&e, &"name".into()).ok().and_then(|n| n.as_string()).unwrap_or_default();
     if name == "AbortError" {
-        return error("aborted", "the request was aborted");
+        return aborted();
     }
     let message = Reflect::get(&e, &"message".into()).ok().and_then(|m| m.as_string()).unwrap_or_default();
     error("network", &format!("the connection broke ({message})"))

@@ -14,6 +14,8 @@ export class PMeshLoader {
   #abort = null;
   #tries = 0;
   #ended = false;
+  /** The server has answered once: what breaks later is worth another try. */
+  #answered = false;
   #timer = 0;
 
   /** `to` has events(list), done() and failed(error). `src` may be null for a model that the page makes. */
@@ -80,13 +82,13 @@ export class PMeshLoader {
     });
     response.catch(() => {});
     await this.emptyModel();
-    await this.model.stream(await response, tell);
+    const answer = await response;
+    this.#answered = true;
+    await this.model.stream(answer, signal, tell);
   }
 
   #failed(error) {
-    // What broke in the middle of a file is worth another try; what never began is not.
-    const broke = error?.code === "network" && this.model && this.model.bytes > 0;
-    if (broke && this.#tries < RETRY_MS.length) {
+    if (error?.code === "network" && this.#answered && this.#tries < RETRY_MS.length) {
       this.#timer = setTimeout(() => {
         this.#timer = 0;
         this.start();

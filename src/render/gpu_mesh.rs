@@ -59,7 +59,12 @@ pub(super) struct GpuMesh {
 }
 
 fn buffer(device: &wgpu::Device, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
-    device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage: usage | wgpu::BufferUsages::COPY_DST, mapped_at_creation: false })
+    device.create_buffer(&wgpu::BufferDescriptor {
+        label: None,
+        size,
+        usage: usage | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    })
 }
 
 impl GpuMesh {
@@ -107,7 +112,15 @@ impl GpuMesh {
         (if self.given_normals { FLAG_GIVEN_NORMALS } else { 0 }) | if image { FLAG_IMAGE } else { 0 }
     }
 
-    pub(super) fn set_image(&mut self, device: &wgpu::Device, queue: &wgpu::Queue, pipelines: &Pipelines, width: u32, height: u32, pixels: Vec<u8>) {
+    pub(super) fn set_image(
+        &mut self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        pipelines: &Pipelines,
+        width: u32,
+        height: u32,
+        pixels: Vec<u8>,
+    ) {
         self.image = Some(image(device, queue, &texels::mipmaps(width, height, pixels)));
         self.bind(device, pipelines);
     }
@@ -151,7 +164,10 @@ impl GpuMesh {
         self.row = ROW_TEXELS.min(up.texture_side);
         let rows = vertices.div_ceil(self.row).max(1);
         if rows > up.texture_side {
-            let message = format!("{vertices} vertices exceed the {} texels of a texture here", u64::from(self.row) * u64::from(up.texture_side));
+            let message = format!(
+                "{vertices} vertices exceed the {} texels of a texture here",
+                u64::from(self.row) * u64::from(up.texture_side)
+            );
             return Err(error("too-large", &message));
         }
         if self.textures.as_ref().is_none_or(|t| t.rows < rows) {
@@ -182,7 +198,11 @@ impl GpuMesh {
         let image = self.image.as_ref().unwrap_or(&pipelines.white);
         entries.push(wgpu::BindGroupEntry { binding: 5, resource: wgpu::BindingResource::TextureView(image) });
         entries.push(wgpu::BindGroupEntry { binding: 6, resource: wgpu::BindingResource::Sampler(&pipelines.sampler) });
-        self.group = Some(device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout: &pipelines.layout, entries: &entries }));
+        self.group = Some(device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &pipelines.layout,
+            entries: &entries,
+        }));
     }
 
     fn upload_vertices(&mut self, up: &Uploader, state: &State) -> u64 {

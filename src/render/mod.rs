@@ -99,19 +99,12 @@ impl Renderer {
         let formats = surface.get_capabilities(&adapter).formats;
         let plain = formats.iter().find(|f| !f.is_srgb()).or(formats.first());
         let format = *plain.ok_or_else(|| gpu_error("no surface format"))?;
-        let multisampled = adapter.get_texture_format_features(format).flags.contains(wgpu::TextureFormatFeatureFlags::MULTISAMPLE_X4);
+        let multisampled =
+            adapter.get_texture_format_features(format).flags.contains(wgpu::TextureFormatFeatureFlags::MULTISAMPLE_X4);
         let samples = if multisampled { 4 } else { 1 };
         let pipelines = Pipelines::new(&device, &queue, format, samples).map_err(gpu_error)?;
         let targets = RefCell::new(Targets::new(surface, format, samples, canvas));
-        Ok(Renderer {
-            device,
-            queue,
-            pipelines,
-            targets,
-            meshes: RefCell::default(),
-            uploaded: Cell::new(0.0),
-            texture_side,
-        })
+        Ok(Renderer { device, queue, pipelines, targets, meshes: RefCell::default(), uploaded: Cell::new(0.0), texture_side })
     }
 
     /// Bytes of geometry uploaded since the beginning: changing a level adds none.
@@ -148,7 +141,8 @@ impl Renderer {
         let mut state = model.state.borrow_mut();
         let mut meshes = self.meshes.borrow_mut();
         let gpu = meshes.entry(model.id).or_insert_with(|| GpuMesh::new(&self.device));
-        let uploader = Uploader { device: &self.device, queue: &self.queue, pipelines: &self.pipelines, texture_side: self.texture_side };
+        let uploader =
+            Uploader { device: &self.device, queue: &self.queue, pipelines: &self.pipelines, texture_side: self.texture_side };
         let uploaded = gpu.sync(&uploader, &mut state, options.wireframe())?;
         self.uploaded.set(self.uploaded.get() + uploaded as f64);
         let (orbit, width, height) = options.orbit();

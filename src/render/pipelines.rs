@@ -16,7 +16,12 @@ pub(super) struct Pipelines {
 }
 
 impl Pipelines {
-    pub(super) fn new(device: &wgpu::Device, queue: &wgpu::Queue, format: wgpu::TextureFormat, samples: u32) -> Result<Self, postcard::Error> {
+    pub(super) fn new(
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        format: wgpu::TextureFormat,
+        samples: u32,
+    ) -> Result<Self, postcard::Error> {
         let source = wgpu::ShaderSource::Naga(std::borrow::Cow::Owned(postcard::from_bytes(MODULE)?));
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
         let layout = bind_group_layout(device);

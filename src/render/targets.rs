@@ -20,7 +20,12 @@ pub(super) struct Frame {
 pub(super) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth24Plus;
 
 impl Targets {
-    pub(super) fn new(surface: wgpu::Surface<'static>, format: wgpu::TextureFormat, samples: u32, canvas: web_sys::OffscreenCanvas) -> Self {
+    pub(super) fn new(
+        surface: wgpu::Surface<'static>,
+        format: wgpu::TextureFormat,
+        samples: u32,
+        canvas: web_sys::OffscreenCanvas,
+    ) -> Self {
         Self { surface, canvas, format, samples, size: (0, 0), depth: None, color: None }
     }
 
@@ -77,7 +82,12 @@ impl Targets {
     }
 
     /// Clears and begins.
-    pub(super) fn begin<'e>(&self, encoder: &'e mut wgpu::CommandEncoder, frame: &Frame, clear: wgpu::Color) -> wgpu::RenderPass<'e> {
+    pub(super) fn begin<'e>(
+        &self,
+        encoder: &'e mut wgpu::CommandEncoder,
+        frame: &Frame,
+        clear: wgpu::Color,
+    ) -> wgpu::RenderPass<'e> {
         let (view, resolve_target) = match &self.color {
             Some(color) => (color, Some(&frame.view)),
             None => (&frame.view, None),

@@ -67,7 +67,7 @@ fn run(command: Command) -> Result<()> {
             build::everything(&meshes)?;
             serve::run(port, throttle)
         }
-        Command::Test { only } => test::run(&only),
+        Command::Test { only } => test::run_parts(&only),
         Command::Serve { throttle, port } => serve::run(port, throttle),
         Command::Build => build::modules().map(|_| ()),
         Command::Screenshots => test::screenshots(),

@@ -1,5 +1,6 @@
 //! A static server for the gallery and the tests: www/ over pkg/, range requests, no compression, limited byte rates.
 //!
+//! `/empty` is a page with nothing in it, for tests to fill.
 //! `?rate=200k` limits the rate of one response, `?cut=50000` breaks its connection after so many bytes.
 
 use crate::shell::{Result, root};
@@ -7,7 +8,8 @@ use axum::Router;
 use axum::body::{Body, Bytes};
 use axum::extract::{Query, Request};
 use axum::http::{HeaderValue, header};
-use axum::response::Response;
+use axum::response::{Html, Response};
+use axum::routing::get;
 use futures_util::{Stream, StreamExt, stream};
 use serde::Deserialize;
 use std::io;
@@ -38,7 +40,8 @@ struct Limits {
 pub fn run(port: u16, throttle: Option<u64>) -> Result<()> {
     let runtime = tokio::runtime::Runtime::new().map_err(|e| e.to_string())?;
     runtime.block_on(async {
-        let app = Router::new().fallback(move |query, request| answer(query, request, throttle));
+        let empty = || async { Html("<!doctype html><title>empty</title><body></body>") };
+        let app = Router::new().route("/empty", get(empty)).fallback(move |query, request| answer(query, request, throttle));
         let listener = tokio::net::TcpListener::bind(("127.0.0.1", port)).await;
         let listener = listener.map_err(|e| format!("port {port}: {e}; choose another with --port"))?;
         let address = listener.local_addr().map_err(|e| e.to_string())?;

@@ -1,4 +1,117 @@
-//! Every test, in order of speed.
-use crate::shell::Result;
-pub fn run(_only: &[String]) -> Result<()> { Ok(()) }
-pub fn screenshots() -> Result<()> { Ok(()) }
+//! Every test, the fast ones first. Nothing is skipped in silence: a part that cannot run ends the whole with what to do.
+
+use crate::shell::{Result, heading, program, root, run};
+use crate::{build, tools};
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Compressed size of wgpu's minimal WebGL2 module, and how much more ours may be.
+const WASM_BROTLI_LIMIT: usize = 583_025 * 110 / 100;
+
+const PARTS: [&str; 5] = ["lint", "native", "wasm", "browser", "e2e"];
+
+/// Runs the parts named, or all.
+pub fn run_parts(only: &[String]) -> Result<()> {
+    if let Some(unknown) = only.iter().find(|o| !PARTS.contains(&o.as_str())) {
+        return Err(format!("no part is called {unknown:?}: there are {}", PARTS.join(", ")));
+    }
+    for part in PARTS.iter().filter(|p| only.is_empty() || only.iter().any(|o| o == *p)) {
+        let started = Instant::now();
+        match *part {
+            "lint" => lint()?,
+            "native" => native()?,
+            "wasm" => wasm()?,
+            "browser" => browser()?,
+            _ => e2e()?,
+        }
+        println!("── {part} passed in {} s", started.elapsed().as_secs());
+    }
+    println!("\nall passed");
+    Ok(())
+}
+
+fn cargo(args: &[&str]) -> Result<()> {
+    run(program("cargo", &[]).args(args))
+}
+
+fn lint() -> Result<()> {
+    heading("formatting and lints");
+    cargo(&["fmt", "--all", "--check"])?;
+    cargo(&["clippy", "--quiet", "--workspace", "--all-targets", "--", "-D", "warnings"])?;
+    tools::for_build()?;
+    cargo(&[
+        "clippy",
+        "--quiet",
+        "--target",
+        "wasm32-unknown-unknown",
+        "-p",
+        "pmesh",
+        "-p",
+        "pmesh-encoder",
+        "--",
+        "-D",
+        "warnings",
+    ])
+}
+
+fn native() -> Result<()> {
+    heading("unit, property, golden and documentation tests");
+    cargo(&["test", "--quiet", "--workspace"])
+}
+
+fn wasm() -> Result<()> {
+    let sizes = build::modules()?;
+    if sizes.brotli > WASM_BROTLI_LIMIT {
+        return Err(format!("the module has {} bytes with brotli; the limit is {WASM_BROTLI_LIMIT}", sizes.brotli));
+    }
+    build::samples()
+}
+
+fn browser() -> Result<()> {
+    let tools = tools::for_browsers()?;
+    for (name, flag) in [("Chromium", "--chrome"), ("Firefox", "--firefox")] {
+        heading(&format!("wasm-pack test in headless {name}"));
+        run(in_display(&tools).args(["wasm-pack", "test", "--headless", flag, "--", "--test", "wasm"]))?;
+    }
+    Ok(())
+}
+
+/// xvfb-run: Firefox has WebGL2 only where there is a display.
+fn in_display(tools: &[PathBuf]) -> std::process::Command {
+    let mut command = program("xvfb-run", tools);
+    command.arg("-a");
+    command
+}
+
+fn node(script: &str, browser: &str, tools: &[PathBuf]) -> Result<std::process::Command> {
+    let mut command = in_display(tools);
+    command.args(["node", "--test", "--test-concurrency=1"]).arg(root().join("tests/e2e").join(script));
+    command.env("PMESH_NODE_MODULES", tools::npm_folder()?).env("PMESH_BROWSER", browser);
+    command.env("PMESH_XTASK", std::env::current_exe().map_err(|e| e.to_string())?);
+    Ok(command)
+}
+
+fn e2e() -> Result<()> {
+    let tools = tools::for_browsers()?;
+    heading("the page end to end in Chromium");
+    run(&mut node("element.test.mjs", "chrome", &tools)?)?;
+    heading("pictures against references");
+    run(&mut node("screenshots.test.mjs", "chrome", &tools)?)?;
+    heading("the page end to end in Firefox");
+    run(&mut node("element.test.mjs", "firefox", &tools)?)
+}
+
+/// Renews the README's screenshots.
+pub fn screenshots() -> Result<()> {
+    let tools = tools::for_browsers()?;
+    build::everything(&[])?;
+    for browser in ["chrome", "firefox"] {
+        heading(&format!("screenshot of the gallery in {browser}"));
+        let mut command = in_display(&tools);
+        command.arg("node").arg(root().join("tests/e2e/gallery-screenshot.mjs"));
+        command.env("PMESH_NODE_MODULES", tools::npm_folder()?).env("PMESH_BROWSER", browser);
+        command.env("PMESH_XTASK", std::env::current_exe().map_err(|e| e.to_string())?);
+        run(&mut command)?;
+    }
+    Ok(())
+}

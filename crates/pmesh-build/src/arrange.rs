@@ -126,8 +126,7 @@ fn level_triangles(mesh: &IndexedMesh, forest: &Forest, new: &[u32]) -> Vec<(u32
 
 /// True for every triangle that equals an earlier one, corners turned.
 fn find_duplicates(triangles: &[[u32; 3]]) -> Vec<bool> {
-    let mut order: Vec<([u32; 3], u32)> =
-        triangles.iter().enumerate().map(|(i, &t)| (turned(t), i as u32)).collect();
+    let mut order: Vec<([u32; 3], u32)> = triangles.iter().enumerate().map(|(i, &t)| (turned(t), i as u32)).collect();
     order.sort_unstable();
     let mut duplicate = vec![false; triangles.len()];
     for pair in order.windows(2).filter(|w| w[0].0 == w[1].0) {

@@ -3,8 +3,8 @@
 //! Source: GV99, Figure 12. Of each cluster one vertex, the *preferred ancestor*, keeps its identity: the one nearest to
 //! the new vertex, ties to the lowest index. Where the new vertex stands elsewhere, its ancestor moves.
 
-use crate::arrange::{Forest, arrange};
 use crate::BuildError;
+use crate::arrange::{Forest, arrange};
 use pmesh_core::forest::NO_REPRESENTATIVE;
 use pmesh_core::{IndexedMesh, Level, MovedVertices, Vertices};
 

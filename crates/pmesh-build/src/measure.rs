@@ -51,7 +51,12 @@ fn area(t: [Point; 3]) -> f64 {
 /// Points spread by area: stratified over the cumulated area, the place in a triangle from the R2 sequence.
 fn sample(mesh: &IndexedMesh, count: usize) -> Vec<Point> {
     let mut total = 0.0;
-    let cumulated: Vec<f64> = (0..mesh.triangles.len()).map(|t| { total += area(corners(mesh, t)); total }).collect();
+    let cumulated: Vec<f64> = (0..mesh.triangles.len())
+        .map(|t| {
+            total += area(corners(mesh, t));
+            total
+        })
+        .collect();
     if total <= 0.0 {
         return mesh.vertices.positions.iter().map(|p| p.map(f64::from)).collect();
     }
@@ -151,7 +156,9 @@ impl<'a> Grid<'a> {
                 if edge {
                     range(0).for_each(|x| visit(self.index([x, y, z])));
                 } else {
-                    [home[0].checked_sub(r), Some(home[0] + r)].into_iter().flatten()
+                    [home[0].checked_sub(r), Some(home[0] + r)]
+                        .into_iter()
+                        .flatten()
                         .filter(|&x| x < self.size[0])
                         .for_each(|x| visit(self.index([x, y, z])));
                 }

@@ -4,8 +4,8 @@
 //! Source: GV99 and GV97. The star of an edge is both endpoints and every vertex adjacent to one of them. Non-manifold
 //! meshes are replayed too: which triangles vanish follows from the indices alone.
 
-use crate::arrange::Forest;
 use crate::BuildError;
+use crate::arrange::Forest;
 use pmesh_core::IndexedMesh;
 use pmesh_core::forest::NO_REPRESENTATIVE;
 use std::collections::{BTreeSet, HashMap};

@@ -91,8 +91,7 @@ fn g5_grid16_has_the_levels_blue_triangles_and_requirements_of_a34() {
     let expected: [&[u32]; 9] = [&[0, 3], &[4], &[16, 17], &[9, 14], &[2, 8], &[1], &[15], &[12], &[5]];
     assert_eq!(blue, expected);
     let requires: Vec<&[u32]> = r.collapses.iter().map(|c| &c.requires[..]).collect();
-    let expected: [&[u32]; 9] =
-        [&[], &[], &[0], &[0, 2], &[0, 1, 2, 3], &[0, 2, 3, 4], &[2, 3], &[0, 2, 3, 4, 5, 6], &[0, 1, 4]];
+    let expected: [&[u32]; 9] = [&[], &[], &[0], &[0, 2], &[0, 1, 2, 3], &[0, 2, 3, 4], &[2, 3], &[0, 2, 3, 4, 5, 6], &[0, 1, 4]];
     assert_eq!(requires, expected);
     assert_eq!(r.vertex_levels.iter().filter(|&&l| l == 7).count(), 7);
     assert_eq!(r.triangle_levels.iter().filter(|&&l| l == 7).count(), 5);
@@ -232,7 +231,10 @@ fn g8_geomorphs_begin_at_the_coarser_level_end_at_the_finer_and_are_linear_betwe
                     assert!((h[k] - (f[k] + c[k]) / 2.0).abs() < 1e-5);
                 }
             }
-            assert!(mesh.representatives().iter().filter(|&&p| p == NO_REPRESENTATIVE).count() as u32 <= mesh.vertex_end(mesh.level_count() - 1).expect("coarsest"));
+            assert!(
+                mesh.representatives().iter().filter(|&&p| p == NO_REPRESENTATIVE).count() as u32
+                    <= mesh.vertex_end(mesh.level_count() - 1).expect("coarsest")
+            );
             // The fast path draws the same.
             let morphed = mesh.mesh_at(x + 0.5).expect("a fraction");
             assert_eq!(morphed.triangles.len(), mesh.triangles_at(level).expect("a level").len());

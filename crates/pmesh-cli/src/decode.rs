@@ -6,7 +6,9 @@ use std::path::PathBuf;
 
 /// Decode a stream to a mesh: its finest level, any other, or what the first bytes give
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  pmesh decode statue.pmesh -o statue.ply\n  pmesh decode statue.pmesh -o coarse.obj --level 6\n  pmesh decode statue.pmesh -o morph.ply --level 2.5     half way between levels 2 and 3\n  pmesh decode statue.pmesh -o early.ply --prefix 20000  what a client has after 20,000 bytes")]
+#[command(
+    after_help = "Examples:\n  pmesh decode statue.pmesh -o statue.ply\n  pmesh decode statue.pmesh -o coarse.obj --level 6\n  pmesh decode statue.pmesh -o morph.ply --level 2.5     half way between levels 2 and 3\n  pmesh decode statue.pmesh -o early.ply --prefix 20000  what a client has after 20,000 bytes"
+)]
 pub struct Args {
     /// The stream: .pmesh, .lod or .lod.gz
     input: PathBuf,

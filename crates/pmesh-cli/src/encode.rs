@@ -16,7 +16,9 @@ use std::path::{Path, PathBuf};
 
 /// Encode a mesh (OBJ, PLY, STL, OFF, glTF, GLB) as a progressive stream
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  pmesh encode statue.obj -o statue.pmesh\n  pmesh encode scan.ply -o scan.pmesh --bits 12 --growth 2\n  pmesh encode part.stl -o part.lod.gz --levels 8\n  pmesh encode bust.glb -o bust.pmesh --bits none   every float bit for bit")]
+#[command(
+    after_help = "Examples:\n  pmesh encode statue.obj -o statue.pmesh\n  pmesh encode scan.ply -o scan.pmesh --bits 12 --growth 2\n  pmesh encode part.stl -o part.lod.gz --levels 8\n  pmesh encode bust.glb -o bust.pmesh --bits none   every float bit for bit"
+)]
 pub struct Args {
     /// The mesh, or a stream (.pmesh, .lod, .lod.gz) whose levels are kept
     input: PathBuf,
@@ -143,7 +145,10 @@ fn gzip(bytes: &[u8]) -> std::io::Result<Vec<u8>> {
 /// The text format has positions only: attributes are dropped with a warning, positions quantised beforehand.
 fn text_of(mut stream: LevelStream, path: &Path, how: &How) -> Result<Vec<u8>> {
     if stream.attribute_set != Default::default() || stream.texture.is_some() {
-        eprintln!("warning: {}: the text format holds positions only; normals, colours and textures are left out (write a .pmesh to keep them)", path.display());
+        eprintln!(
+            "warning: {}: the text format holds positions only; normals, colours and textures are left out (write a .pmesh to keep them)",
+            path.display()
+        );
     }
     let mut all = pmesh_core::IndexedMesh::default();
     for level in &mut stream.levels {

@@ -16,7 +16,10 @@ use std::process::ExitCode;
 ///
 /// A .pmesh file is served by any web server and shown by <p-mesh src="model.pmesh">.
 #[derive(Parser)]
-#[command(version, after_help = "Examples:\n  pmesh sample globe -o globe.pmesh       a model to try with\n  pmesh encode statue.obj -o statue.pmesh encode your own\n  pmesh info statue.pmesh                 what each byte buys\n  pmesh decode statue.pmesh -o half.ply --level 4.5\n\nExit codes: 0 done, 1 the input is bad or unreadable, 2 the command line is wrong.")]
+#[command(
+    version,
+    after_help = "Examples:\n  pmesh sample globe -o globe.pmesh       a model to try with\n  pmesh encode statue.obj -o statue.pmesh encode your own\n  pmesh info statue.pmesh                 what each byte buys\n  pmesh decode statue.pmesh -o half.ply --level 4.5\n\nExit codes: 0 done, 1 the input is bad or unreadable, 2 the command line is wrong."
+)]
 struct Cli {
     #[command(subcommand)]
     command: Command,

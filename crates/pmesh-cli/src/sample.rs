@@ -2,7 +2,7 @@
 
 use crate::error::{CliError, Result};
 use crate::{encode, output};
-use pmesh_build::sample::{SAMPLES, sample};
+use pmesh_build::sample::{SAMPLES, sample, sample_levels};
 use std::path::PathBuf;
 
 /// Write a built-in procedural sample, as a stream (.pmesh, .lod, .lod.gz) or a mesh (.ply, .obj)
@@ -32,6 +32,9 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
     if name.ends_with(".ply") || name.ends_with(".obj") {
         return output::write(&args.output, &model.mesh);
     }
-    let stream = encode::levels_of(&model, &args.output, &args.how, quiet)?;
+    let stream = match sample_levels(&args.name) {
+        Some(stream) => stream,
+        None => encode::levels_of(&model, &args.output, &args.how, quiet)?,
+    };
     encode::write_stream(stream, &args.output, &args.how, quiet)
 }

@@ -26,13 +26,19 @@ impl fmt::Display for Place {
 #[derive(Clone, Debug, PartialEq, Error)]
 #[allow(missing_docs)] // the fields are named in the messages
 pub enum DecodeError {
-    #[error("this is not a progressive mesh: it begins with {found}; .pmesh files and the text format (which begins with '#' or '{{'), gzipped or not, are read. Make one with `pmesh encode`")]
+    #[error(
+        "this is not a progressive mesh: it begins with {found}; .pmesh files and the text format (which begins with '#' or '{{'), gzipped or not, are read. Make one with `pmesh encode`"
+    )]
     UnknownFormat { found: String },
-    #[error("the file has .pmesh version {found}, and this decoder reads up to {known}: use a newer pmesh, or re-encode the model")]
+    #[error(
+        "the file has .pmesh version {found}, and this decoder reads up to {known}: use a newer pmesh, or re-encode the model"
+    )]
     NewerVersion { found: u8, known: u8 },
     #[error("{place}: {message}")]
     Syntax { place: Place, message: String },
-    #[error("{place}: the stream ends inside {inside}: it was cut short; fetch the rest, or use the {levels} whole levels before it")]
+    #[error(
+        "{place}: the stream ends inside {inside}: it was cut short; fetch the rest, or use the {levels} whole levels before it"
+    )]
     Truncated { place: Place, inside: &'static str, levels: u32 },
     #[error("{place}: the checksum of {what} does not match: the file is damaged or changed while it was read; fetch it again")]
     Checksum { place: Place, what: String },

@@ -97,7 +97,8 @@ fn g2_figure_13_has_the_volumes_and_fans_of_a24() {
 
 /// Edge-connected groups of the triangles around a vertex.
 fn fans(triangles: &[[u32; 3]], v: u32) -> usize {
-    let mut groups: Vec<Vec<u32>> = triangles.iter().filter(|t| t.contains(&v)).map(|t| t.iter().copied().filter(|&x| x != v).collect()).collect();
+    let mut groups: Vec<Vec<u32>> =
+        triangles.iter().filter(|t| t.contains(&v)).map(|t| t.iter().copied().filter(|&x| x != v).collect()).collect();
     let mut i = 0;
     while i < groups.len() {
         match (i + 1..groups.len()).find(|&j| groups[j].iter().any(|x| groups[i].contains(x))) {

@@ -14,7 +14,12 @@ fn stream() -> LevelStream {
         v.attributes.colors = p.iter().map(|p| [p[0].abs() % 1.0, 0.5, 0.25, 1.0]).collect();
         v
     };
-    let coarse = Level { vertices: vertices(&[[0., 0., 0.], [4., 0., 0.], [0., 4., 0.], [0., 0., 0.]]), triangles: vec![[0, 1, 2]], position_of: vec![(3, 0)], ..Default::default() };
+    let coarse = Level {
+        vertices: vertices(&[[0., 0., 0.], [4., 0., 0.], [0., 4., 0.], [0., 0., 0.]]),
+        triangles: vec![[0, 1, 2]],
+        position_of: vec![(3, 0)],
+        ..Default::default()
+    };
     let middle = Level {
         vertices: vertices(&[[3., 3., 0.]]),
         triangles: vec![[1, 4, 2]],

@@ -18,7 +18,9 @@ pub enum MeshError {
     NotFinite { vertex: u32 },
     #[error("triangle {triangle} uses vertex {vertex}, which has not arrived and has no representative")]
     MissingVertex { triangle: u32, vertex: u32 },
-    #[error("vertex {vertex} has representative {representative}; a representative has a lower index and arrives at an earlier level")]
+    #[error(
+        "vertex {vertex} has representative {representative}; a representative has a lower index and arrives at an earlier level"
+    )]
     BadRepresentative { vertex: u32, representative: u32 },
     #[error("vertex {vertex} is given a second representative, {representative}")]
     SecondRepresentative { vertex: u32, representative: u32 },

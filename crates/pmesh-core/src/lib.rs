@@ -55,5 +55,5 @@ pub use error::MeshError;
 pub use geomorph::Prefix;
 pub use level::{CornerMove, Level, MovedVertices};
 pub use mesh::{AttributeSet, Attributes, IndexedMesh, Vertices};
-pub use split::split_levels;
 pub use multilevel::ProgressiveMultilevelMesh;
+pub use split::split_levels;

@@ -156,7 +156,7 @@ impl IndexedMesh {
 
 fn bounds(positions: &[[f32; 3]]) -> ([f32; 3], [f32; 3]) {
     let Some(&first) = positions.first() else { return ([0.0; 3], [0.0; 3]) };
-    positions.iter().fold((first, first), |(lo, hi), p| {
-        (std::array::from_fn(|k| lo[k].min(p[k])), std::array::from_fn(|k| hi[k].max(p[k])))
-    })
+    positions
+        .iter()
+        .fold((first, first), |(lo, hi), p| (std::array::from_fn(|k| lo[k].min(p[k])), std::array::from_fn(|k| hi[k].max(p[k]))))
 }

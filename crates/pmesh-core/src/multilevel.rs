@@ -83,8 +83,7 @@ impl ProgressiveMultilevelMesh {
 
     pub(crate) fn end(&self, level: u32) -> Result<LevelEnd, MeshError> {
         let count = self.level_count();
-        let error =
-            MeshError::NoSuchLevel { level, coarsest: count.saturating_sub(1), arrived: self.arrived_levels() };
+        let error = MeshError::NoSuchLevel { level, coarsest: count.saturating_sub(1), arrived: self.arrived_levels() };
         let step = count.checked_sub(1).and_then(|last| last.checked_sub(level)).ok_or(error.clone())?;
         self.ends.get(step as usize).copied().ok_or(error)
     }

@@ -8,11 +8,7 @@ pub fn triangles_at(mesh: &ProgressiveMultilevelMesh, level: u32) -> Result<Vec<
     let (vertices, triangles) = (mesh.vertex_end(level)?, mesh.triangle_count(level)?);
     let parents = mesh.representatives();
     let resolve = |t: &[u32; 3]| t.map(|v| ancestor_below(parents, v, vertices));
-    Ok(mesh.triangles()[..triangles as usize]
-        .iter()
-        .map(resolve)
-        .filter(|[a, b, c]| a != b && b != c && c != a)
-        .collect())
+    Ok(mesh.triangles()[..triangles as usize].iter().map(resolve).filter(|[a, b, c]| a != b && b != c && c != a).collect())
 }
 
 /// Position of one corner at level `x`, by the definition of a geomorph (DESIGN: `mix(own, representative, fract)`).

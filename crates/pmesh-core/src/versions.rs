@@ -55,10 +55,8 @@ impl Versions {
     /// Ends the level: (old entry, new entry) of every vertex that moved, ascending by old entry.
     pub(crate) fn complete(&mut self) -> Vec<(u32, u32)> {
         let moved = std::mem::take(&mut self.open);
-        let mut pairs: Vec<_> = moved
-            .into_iter()
-            .map(|(v, entry)| (std::mem::replace(&mut self.current[v as usize], entry), entry))
-            .collect();
+        let mut pairs: Vec<_> =
+            moved.into_iter().map(|(v, entry)| (std::mem::replace(&mut self.current[v as usize], entry), entry)).collect();
         pairs.sort_unstable();
         pairs
     }

@@ -48,7 +48,8 @@ fn load(uri: &str, resolve: &mut Resolve) -> Result<Vec<u8>, BuildError> {
         let engine = base64::engine::general_purpose::STANDARD;
         return engine.decode(text).map_err(|e| file(format!("a data URI: {e}")));
     }
-    resolve(uri).ok_or_else(|| file(format!("{uri:?}, which the model needs, is not to be had: put it beside the model, or use a GLB")))
+    resolve(uri)
+        .ok_or_else(|| file(format!("{uri:?}, which the model needs, is not to be had: put it beside the model, or use a GLB")))
 }
 
 /// A primitive where it stands in the scene.
@@ -104,7 +105,9 @@ impl<'a> Scene<'a> {
         if a.sparse().is_some() {
             return wrong("is sparse, which is not read: re-export without sparse accessors");
         }
-        let Some(view) = a.view() else { return wrong("has no buffer view (compressed by an extension?): decompress the model first") };
+        let Some(view) = a.view() else {
+            return wrong("has no buffer view (compressed by an extension?): decompress the model first");
+        };
         let size = a.size();
         let stride = view.stride().unwrap_or(size);
         let last = a.count().checked_sub(1).and_then(|n| n.checked_mul(stride));
@@ -156,7 +159,10 @@ impl<'a> Scene<'a> {
         let material = primitive.material();
         let pbr = material.pbr_metallic_roughness();
         let texture = pbr.base_color_texture();
-        if material.normal_texture().is_some() || pbr.metallic_roughness_texture().is_some() || material.emissive_texture().is_some() {
+        if material.normal_texture().is_some()
+            || pbr.metallic_roughness_texture().is_some()
+            || material.emissive_texture().is_some()
+        {
             self.dropped.note("of materials only base colours are carried");
         }
         if texture.as_ref().is_some_and(|t| t.tex_coord() != 0) {
@@ -206,7 +212,8 @@ impl<'a> Scene<'a> {
 
 /// Multiplies vertex colours by the image's colour at each vertex.
 fn bake(part: &mut Part, texture: &Texture) -> Result<(), BuildError> {
-    let mut reader = image::ImageReader::new(std::io::Cursor::new(&texture.bytes)).with_guessed_format().map_err(|e| file(e.to_string()))?;
+    let mut reader =
+        image::ImageReader::new(std::io::Cursor::new(&texture.bytes)).with_guessed_format().map_err(|e| file(e.to_string()))?;
     let mut limits = image::Limits::default();
     (limits.max_image_width, limits.max_image_height) = (Some(16_384), Some(16_384));
     reader.limits(limits);

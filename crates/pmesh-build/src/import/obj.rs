@@ -44,7 +44,9 @@ impl Reader {
             "vn" => self.normals.push(line.floats()?),
             "f" => self.face(line)?,
             "l" | "p" => self.dropped.note("lines and points are not carried"),
-            "mtllib" | "usemtl" => self.dropped.note("materials are not carried: only positions, normals, colours and texture coordinates are"),
+            "mtllib" | "usemtl" => {
+                self.dropped.note("materials are not carried: only positions, normals, colours and texture coordinates are")
+            }
             "g" | "o" | "s" => {}
             other => self.dropped.note(format!("{other:?} statements are not carried")),
         }

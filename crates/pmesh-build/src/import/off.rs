@@ -42,7 +42,11 @@ pub(super) fn read(bytes: &[u8]) -> Result<Model, BuildError> {
         a.colors.clear();
         dropped.note("only some vertices have colours: they are not carried");
     }
-    Ok(Model { mesh: IndexedMesh { vertices, triangles, position_of: Vec::new() }, texture: None, warnings: dropped.into_warnings() })
+    Ok(Model {
+        mesh: IndexedMesh { vertices, triangles, position_of: Vec::new() },
+        texture: None,
+        warnings: dropped.into_warnings(),
+    })
 }
 
 fn vertex(line: &mut Line, kind: &str, out: &mut Vertices, dropped: &mut Dropped) -> Result<(), BuildError> {

@@ -47,8 +47,7 @@ fn cut_ears(flat: &[[f64; 2]], give: &mut impl FnMut([usize; 3])) {
             let inside = |p: [f64; 2]| {
                 turn(flat[a], flat[b], p) >= 0.0 && turn(flat[b], flat[c], p) >= 0.0 && turn(flat[c], flat[a], p) >= 0.0
             };
-            turn(flat[a], flat[b], flat[c]) > 0.0
-                && !left.iter().any(|&v| v != a && v != b && v != c && inside(flat[v]))
+            turn(flat[a], flat[b], flat[c]) > 0.0 && !left.iter().any(|&v| v != a && v != b && v != c && inside(flat[v]))
         });
         // A polygon that crosses itself may have no ear: cut the first corner all the same.
         let i = ear.unwrap_or(1);

@@ -4,7 +4,9 @@ mod noise;
 mod shapes;
 mod tetrahedra;
 
+use crate::cluster::levels_from_clusterings;
 use crate::import::{Model, link_seams};
+use pmesh_codec::pmesh::LevelStream;
 pub use shapes::{globe, knot, marble, part};
 pub use tetrahedra::{sierpinski, sierpinski_steps};
 
@@ -16,6 +18,19 @@ pub const SAMPLES: [(&str, &str); 5] = [
     ("knot", "a trefoil knot: smooth, closed, 48,000 triangles"),
     ("part", "a machined part: sharp edges, flat faces, 12,000 triangles"),
 ];
+
+/// The levels of a sample that has its own, which no simplifier would find: the clusterings of Figure 11's model.
+pub fn sample_levels(name: &str) -> Option<LevelStream> {
+    if name != "tetrahedra" {
+        return None;
+    }
+    let steps = sierpinski_steps(2);
+    // Both fit, being made by the same code.
+    let levels = levels_from_clusterings(&sierpinski(2), &steps).ok()?;
+    // A midpoint lies half an edge from the corner that stands for it; edges of 2√2, halved level by level.
+    let edge = 8f32.sqrt();
+    Some(LevelStream { levels, errors: vec![edge / 2.0, edge / 4.0, 0.0], ..Default::default() })
+}
 
 /// Makes a sample by name; `None` if there is none of that name.
 pub fn sample(name: &str) -> Option<Model> {

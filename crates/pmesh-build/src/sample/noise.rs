@@ -1,7 +1,8 @@
 //! Fractal value noise in space: the same numbers on every platform (no libm in the lattice).
 
 fn lattice(x: i32, y: i32, z: i32) -> f64 {
-    let mut h = (x as u32).wrapping_mul(0x8da6_b343) ^ (y as u32).wrapping_mul(0xd816_3841) ^ (z as u32).wrapping_mul(0xcb1a_b31f);
+    let mut h =
+        (x as u32).wrapping_mul(0x8da6_b343) ^ (y as u32).wrapping_mul(0xd816_3841) ^ (z as u32).wrapping_mul(0xcb1a_b31f);
     h = (h ^ (h >> 16)).wrapping_mul(0x7feb_352d);
     h = (h ^ (h >> 15)).wrapping_mul(0x846c_a68b);
     f64::from(h ^ (h >> 16)) / f64::from(u32::MAX) * 2.0 - 1.0

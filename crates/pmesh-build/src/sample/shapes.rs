@@ -83,7 +83,16 @@ fn paint_globe(width: u32, height: u32) -> Texture {
         let color = if cold > 0.86 {
             [236.0, 242.0, 247.0]
         } else if h > 0.0 {
-            ramp(&[(0.0, [222., 205., 150.]), (0.06, [104., 142., 74.]), (0.35, [70., 104., 58.]), (0.6, [128., 106., 84.]), (0.9, [240., 240., 240.])], h)
+            ramp(
+                &[
+                    (0.0, [222., 205., 150.]),
+                    (0.06, [104., 142., 74.]),
+                    (0.35, [70., 104., 58.]),
+                    (0.6, [128., 106., 84.]),
+                    (0.9, [240., 240., 240.]),
+                ],
+                h,
+            )
         } else {
             ramp(&[(-1.0, [12., 36., 84.]), (-0.25, [22., 68., 130.]), (0.0, [78., 152., 188.])], h)
         };
@@ -100,7 +109,8 @@ fn paint_globe(width: u32, height: u32) -> Texture {
 
 /// A turned body, `columns` around and `rows` along (2 × both triangles), veined like marble by vertex colours.
 pub fn marble(columns: u32, rows: u32) -> IndexedMesh {
-    let profile = |t: f64| 0.32 + 0.26 * (PI * t).sin() + 0.09 * (TAU * 2.5 * t).sin() * (1.0 - t) + 0.03 * (TAU * 9.0 * t).sin() * t;
+    let profile =
+        |t: f64| 0.32 + 0.26 * (PI * t).sin() + 0.09 * (TAU * 2.5 * t).sin() * (1.0 - t) + 0.03 * (TAU * 9.0 * t).sin() * t;
     let mut mesh = grid(columns, rows, true, |c, r| {
         let t = f64::from(r) / f64::from(rows);
         let (s, k) = (TAU * f64::from(c) / f64::from(columns)).sin_cos();
@@ -115,7 +125,12 @@ pub fn marble(columns: u32, rows: u32) -> IndexedMesh {
         let shade = |base: f64, ink: f64| (base + (ink - base) * dark.clamp(0.0, 1.0)) as f32;
         // On the grid of eighth-bit colours, so that coding them loses nothing.
         let eighth = |x: f32| (x * 255.0).round() / 255.0;
-        mesh.vertices.attributes.colors.push([eighth(shade(0.95, 0.22)), eighth(shade(0.93, 0.26)), eighth(shade(0.9, 0.32)), 1.0]);
+        mesh.vertices.attributes.colors.push([
+            eighth(shade(0.95, 0.22)),
+            eighth(shade(0.93, 0.26)),
+            eighth(shade(0.9, 0.32)),
+            1.0,
+        ]);
     }
     mesh
 }
@@ -146,7 +161,17 @@ pub fn part() -> IndexedMesh {
     let segments = 96;
     // (inner radius, outer radius, bottom, top) of stacked rings, from the outside in.
     let profile: [[f64; 2]; 11] = [
-        [0.30, -0.30], [1.0, -0.30], [1.0, -0.10], [0.95, -0.05], [0.55, -0.05], [0.55, 0.35], [0.50, 0.40], [0.38, 0.40], [0.30, 0.32], [0.30, 0.0], [0.30, -0.30],
+        [0.30, -0.30],
+        [1.0, -0.30],
+        [1.0, -0.10],
+        [0.95, -0.05],
+        [0.55, -0.05],
+        [0.55, 0.35],
+        [0.50, 0.40],
+        [0.38, 0.40],
+        [0.30, 0.32],
+        [0.30, 0.0],
+        [0.30, -0.30],
     ];
     for pair in profile.windows(2) {
         let steps = (((pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1])) / 0.05).ceil().max(1.0) as u32;

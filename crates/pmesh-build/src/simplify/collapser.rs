@@ -110,7 +110,8 @@ fn hold_edge(mesh: &Connectivity, v: u32, edge: &Neighbour, quadrics: &mut [Quad
         let across = cross(along, mesh.cross_of(t));
         let length = dot(across, across).sqrt();
         if length > 0.0 {
-            let mut plane = Quadric::plane(a, across.map(|x| x / length), weight * dot(along, along) / f64::from(edge.triangles()));
+            let mut plane =
+                Quadric::plane(a, across.map(|x| x / length), weight * dot(along, along) / f64::from(edge.triangles()));
             // Held, but not area: the mean distance stays that of the surface.
             plane.weight = 0.0;
             quadrics[v as usize].add(&plane);
@@ -209,8 +210,14 @@ impl Collapser<'_> {
     }
 
     fn best_allowed(&self, u: u32, ring: &[Neighbour], ring_v: &mut Vec<Neighbour>) -> Option<Choice> {
-        let mut priced: Vec<(f64, usize, Point)> =
-            ring.iter().enumerate().map(|(i, n)| { let (cost, to) = self.price(u, n); (cost, i, to) }).collect();
+        let mut priced: Vec<(f64, usize, Point)> = ring
+            .iter()
+            .enumerate()
+            .map(|(i, n)| {
+                let (cost, to) = self.price(u, n);
+                (cost, i, to)
+            })
+            .collect();
         priced.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let mut best: Option<Choice> = None;
         for (mut cost, neighbour, to) in priced {

@@ -124,7 +124,9 @@ impl Channels {
     /// Integers a vertex; the first three are the position.
     pub(super) fn count(&self) -> usize {
         let normals = if self.grids.normal_bits.is_some() { 2 } else { 3 };
-        3 + if self.set.normals { normals } else { 0 } + if self.set.colors { 4 } else { 0 } + if self.set.texcoords { 2 } else { 0 }
+        3 + if self.set.normals { normals } else { 0 }
+            + if self.set.colors { 4 } else { 0 }
+            + if self.set.texcoords { 2 } else { 0 }
     }
     /// Appends the row of vertex `i`.
     pub(super) fn row(&self, vertices: &Vertices, i: usize, row: &mut Vec<i32>) {

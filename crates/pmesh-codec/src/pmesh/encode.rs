@@ -72,9 +72,11 @@ fn check(stream: &LevelStream, options: EncodeOptions) -> Result<(), EncodeError
         return Err(EncodeError::BadOption { what: "the number of levels", got, expected });
     }
     match options.position_bits {
-        Some(b) if !(8..=16).contains(&b) => {
-            Err(EncodeError::BadOption { what: "bits a coordinate", got: b.to_string(), expected: "8 to 16, or none for exact floats" })
-        }
+        Some(b) if !(8..=16).contains(&b) => Err(EncodeError::BadOption {
+            what: "bits a coordinate",
+            got: b.to_string(),
+            expected: "8 to 16, or none for exact floats",
+        }),
         _ => Ok(()),
     }
 }

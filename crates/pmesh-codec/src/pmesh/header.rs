@@ -131,8 +131,7 @@ impl Header {
         if flags > 15 {
             return Err(ReadError::Bad("unknown attribute flags"));
         }
-        let attribute_set =
-            AttributeSet { normals: flags & 1 != 0, colors: flags & 2 != 0, texcoords: flags & 4 != 0 };
+        let attribute_set = AttributeSet { normals: flags & 1 != 0, colors: flags & 2 != 0, texcoords: flags & 4 != 0 };
         let mut bits = |low: u8, high: u8| match r.u8()? {
             0 => Ok(None),
             b if (low..=high).contains(&b) => Ok(Some(b)),

@@ -81,7 +81,14 @@ pub(super) struct Model {
 
 impl Model {
     pub(super) fn new(channel_count: usize, has_seams: bool) -> Self {
-        Self { channel_count, has_seams, rows: Vec::new(), corners: Corners::default(), last_representative: 0, candidates: Vec::new() }
+        Self {
+            channel_count,
+            has_seams,
+            rows: Vec::new(),
+            corners: Corners::default(),
+            last_representative: 0,
+            candidates: Vec::new(),
+        }
     }
     pub(super) fn vertex_count(&self) -> u32 {
         (self.rows.len() / self.channel_count) as u32
@@ -181,8 +188,7 @@ impl Model {
         }
         let moves = |i: usize| bits[i / 8] >> (i % 8) & 1 != 0;
         let moved = candidates.iter().enumerate().filter(|&(i, _)| moves(i));
-        refinement.corner_moves =
-            moved.map(|(_, &c)| CornerMove { triangle: c / 3, corner: (c % 3) as u8, vertex: v }).collect();
+        refinement.corner_moves = moved.map(|(_, &c)| CornerMove { triangle: c / 3, corner: (c % 3) as u8, vertex: v }).collect();
         let count = reader.varint()?;
         if count > triangles_left || count > RECORD_LIMIT {
             return Err(ReadError::Bad("more triangles than the table announces"));
@@ -238,7 +244,12 @@ impl Model {
         Ok(t)
     }
     /// Reads one moved vertex of an earlier level; `last` is the one before it in the level.
-    pub(super) fn read_moved(&mut self, reader: &mut Reader, last: Option<u32>, level_start: u32) -> Result<(u32, Vec<i32>), ReadError> {
+    pub(super) fn read_moved(
+        &mut self,
+        reader: &mut Reader,
+        last: Option<u32>,
+        level_start: u32,
+    ) -> Result<(u32, Vec<i32>), ReadError> {
         let v = last.unwrap_or(0).checked_add(reader.varint()?).filter(|&v| v < level_start);
         let v = v.filter(|&v| last != Some(v)).ok_or(ReadError::Bad("a moved vertex that is not of an earlier level"))?;
         let row = (0..self.channel_count).map(|k| Ok(self.row(v)[k].wrapping_add(reader.signed()?)));

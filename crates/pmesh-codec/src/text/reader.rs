@@ -206,7 +206,8 @@ impl Blocks {
             }
             Block::Triangles => {
                 if !self.wanted.is_empty() || !self.corners.is_empty() {
-                    let message = "the block ends inside a triangle: three indices, then a representative for each that is missing";
+                    let message =
+                        "the block ends inside a triangle: three indices, then a representative for each that is missing";
                     return Err(DecodeError::syntax(place, message));
                 }
                 let first = self.options.variant == TextVariant::SurfacePartition && self.levels == 0;

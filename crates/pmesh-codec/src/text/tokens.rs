@@ -36,14 +36,23 @@ impl Tokens {
     }
 
     /// Takes one byte; gives at most a number and then a brace.
-    pub(super) fn push(&mut self, byte: u8, mut give: impl FnMut(Token, u64) -> Result<(), DecodeError>) -> Result<(), DecodeError> {
+    pub(super) fn push(
+        &mut self,
+        byte: u8,
+        mut give: impl FnMut(Token, u64) -> Result<(), DecodeError>,
+    ) -> Result<(), DecodeError> {
         if self.in_comment {
             self.push_comment(byte, &mut give)?;
         } else if byte.is_ascii_digit() || matches!(byte, b'.' | b'-' | b'+' | b'e' | b'E') {
             self.number.push(byte as char);
             if self.number.len() > TOKEN_LIMIT {
                 let got = self.number.len() as u64;
-                return Err(DecodeError::Limit { place: self.place(), what: "a number's length", got, limit: TOKEN_LIMIT as u64 });
+                return Err(DecodeError::Limit {
+                    place: self.place(),
+                    what: "a number's length",
+                    got,
+                    limit: TOKEN_LIMIT as u64,
+                });
             }
         } else {
             self.end_number(&mut give)?;
@@ -66,7 +75,11 @@ impl Tokens {
         Ok(())
     }
 
-    fn push_comment(&mut self, byte: u8, give: &mut impl FnMut(Token, u64) -> Result<(), DecodeError>) -> Result<(), DecodeError> {
+    fn push_comment(
+        &mut self,
+        byte: u8,
+        give: &mut impl FnMut(Token, u64) -> Result<(), DecodeError>,
+    ) -> Result<(), DecodeError> {
         if byte == b'\n' {
             self.in_comment = false;
             if let Some(text) = self.comment.take() {
@@ -87,9 +100,8 @@ impl Tokens {
         }
         let text = std::mem::take(&mut self.number);
         let stray = text.strip_suffix('.').filter(|head| head.contains('.'));
-        let value: f64 = stray.unwrap_or(&text).parse().map_err(|_| {
-            DecodeError::syntax(self.place(), format!("{text:?} is not a number"))
-        })?;
+        let value: f64 =
+            stray.unwrap_or(&text).parse().map_err(|_| DecodeError::syntax(self.place(), format!("{text:?} is not a number")))?;
         if !value.is_finite() {
             return Err(DecodeError::syntax(self.place(), format!("{text:?} is not finite")));
         }
