@@ -67,7 +67,7 @@ fn complete_package() -> Result<()> {
   "name": "pmesh",
   "version": "{version}",
   "description": "Progressive meshes: <p-mesh> and the WebAssembly module behind it",
-  "license": "MIT OR Apache-2.0",
+  "license": "MIT",
   "type": "module",
   "exports": {{
     ".": {{ "types": "./pmesh-element.d.ts", "default": "./pmesh-element.js" }},

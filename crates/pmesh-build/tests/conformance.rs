@@ -131,7 +131,7 @@ fn g5_merged_levels_are_the_figure_5_totals() {
     let out = arrange(&mesh, &forest).expect("it arranges").mesh;
     let counts = |l| (out.vertex_count(l).expect("l"), out.triangle_count(l).expect("l"));
     assert_eq!([2, 1, 0].map(counts), [(7, 5), (13, 13), (16, 18)]);
-    assert_eq!(replay(&mesh, &[(5, 1), (5, 2)]).expect_err("5 is gone").to_string().contains("collapse 1"), true);
+    assert!(replay(&mesh, &[(5, 1), (5, 2)]).expect_err("5 is gone").to_string().contains("collapse 1"));
 }
 
 #[test]

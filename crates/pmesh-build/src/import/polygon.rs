@@ -9,7 +9,7 @@ const EAR_LIMIT: usize = 4096;
 pub(super) fn triangulate(corners: &[[f32; 3]], mut give: impl FnMut([usize; 3])) {
     let n = corners.len();
     let fan = |give: &mut dyn FnMut([usize; 3])| (2..n).for_each(|i| give([0, i - 1, i]));
-    if n < 4 || n > EAR_LIMIT {
+    if !(4..=EAR_LIMIT).contains(&n) {
         return fan(&mut give);
     }
     let flat = flatten(corners);

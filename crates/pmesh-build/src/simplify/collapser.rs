@@ -143,7 +143,7 @@ impl Collapser<'_> {
             let v = ring[choice.neighbour].position;
             self.perform(u, v, choice, &mut pairs, out);
             self.enqueue(v, 0.0, &mut ring_v);
-            if out.steps.len() % 4096 == 0 {
+            if out.steps.len().is_multiple_of(4096) {
                 progress(self.mesh_state.alive_count);
             }
             // Vertices whose only candidates were refused get another chance as their surroundings change.

@@ -194,7 +194,7 @@ impl Model {
             return Err(ReadError::Bad("more triangles than the table announces"));
         }
         for _ in 0..count {
-            let mut other = || Ok(v.checked_sub(reader.varint()?).ok_or(ReadError::Bad("a vertex before the first"))?);
+            let mut other = || v.checked_sub(reader.varint()?).ok_or(ReadError::Bad("a vertex before the first"));
             refinement.triangles.push([v, other()?, other()?]);
         }
         // Nothing can fail from here on.

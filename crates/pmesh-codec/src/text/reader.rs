@@ -228,8 +228,8 @@ impl Blocks {
 
     fn close_vertices(&mut self, place: Place) -> Result<(), DecodeError> {
         let numbers = std::mem::take(&mut self.coordinates);
-        let dimension = *self.dimension.get_or_insert(if numbers.len() % 3 == 0 { 3 } else { 2 });
-        if numbers.len() % dimension != 0 {
+        let dimension = *self.dimension.get_or_insert(if numbers.len().is_multiple_of(3) { 3 } else { 2 });
+        if !numbers.len().is_multiple_of(dimension) {
             let message = format!("{} numbers are no {dimension}-dimensional vertices", numbers.len());
             return Err(DecodeError::syntax(place, message));
         }
