@@ -22,7 +22,7 @@ fn floats<const N: usize>(object: &JsValue, name: &str) -> Result<Vec<[f32; N]>>
         None if Array::is_array(&value) => Float32Array::new(&value).to_vec(),
         None => return Err(bad(name, "a Float32Array or an array of numbers is expected")),
     };
-    if array.len() % N != 0 {
+    if !array.len().is_multiple_of(N) {
         return Err(bad(name, &format!("its length {} is not a multiple of {N}", array.len())));
     }
     Ok(array.chunks_exact(N).map(|c| std::array::from_fn(|k| c[k])).collect())
@@ -35,7 +35,7 @@ fn integers<const N: usize>(object: &JsValue, name: &str) -> Result<Vec<[u32; N]
         None if Array::is_array(&value) => Uint32Array::new(&value).to_vec(),
         None => return Err(bad(name, "a Uint32Array or an array of numbers is expected")),
     };
-    if array.len() % N != 0 {
+    if !array.len().is_multiple_of(N) {
         return Err(bad(name, &format!("its length {} is not a multiple of {N}", array.len())));
     }
     Ok(array.chunks_exact(N).map(|c| std::array::from_fn(|k| c[k])).collect())
