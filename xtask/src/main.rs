@@ -46,6 +46,14 @@ enum Command {
     },
     /// Build the browser modules in release and report their sizes
     Build,
+    /// Measure natively and in Chromium: encode, decode, level selection, memory; with --quality the simplifier's error
+    Bench {
+        /// Meshes; the samples, and those in ../shared/models, by default
+        meshes: Vec<PathBuf>,
+        /// Measure simplification error instead
+        #[arg(long)]
+        quality: bool,
+    },
     /// Renew the screenshots of the README in docs/
     Screenshots,
 }
@@ -70,6 +78,7 @@ fn run(command: Command) -> Result<()> {
         Command::Test { only } => test::run_parts(&only),
         Command::Serve { throttle, port } => serve::run(port, throttle),
         Command::Build => build::modules().map(|_| ()),
+        Command::Bench { meshes, quality } => test::bench(&meshes, quality),
         Command::Screenshots => test::screenshots(),
     }
 }

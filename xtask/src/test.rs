@@ -101,17 +101,38 @@ fn e2e() -> Result<()> {
     run(&mut node("element.test.mjs", "firefox", &tools)?)
 }
 
+/// Benchmarks, native ones first.
+pub fn bench(meshes: &[PathBuf], quality: bool) -> Result<()> {
+    let absolute = |m: &PathBuf| std::path::absolute(m).map_err(|e| format!("{}: {e}", m.display()));
+    let meshes = meshes.iter().map(absolute).collect::<Result<Vec<_>>>()?;
+    heading("native");
+    let mut command = program("cargo", &[]);
+    command.args(["bench", "--quiet", "-p", "pmesh-build", "--bench", "meshes", "--"]).args(&meshes);
+    if quality {
+        return run(command.arg("--quality"));
+    }
+    run(&mut command)?;
+    let tools = tools::for_browsers()?;
+    build::everything(&meshes)?;
+    heading("WebAssembly in Chromium");
+    run(&mut node_script("bench.mjs", "chrome", &tools)?)
+}
+
+fn node_script(script: &str, browser: &str, tools: &[PathBuf]) -> Result<std::process::Command> {
+    let mut command = in_display(tools);
+    command.arg("node").arg(root().join("tests/e2e").join(script));
+    command.env("PMESH_NODE_MODULES", tools::npm_folder()?).env("PMESH_BROWSER", browser);
+    command.env("PMESH_XTASK", std::env::current_exe().map_err(|e| e.to_string())?);
+    Ok(command)
+}
+
 /// Renews the README's screenshots.
 pub fn screenshots() -> Result<()> {
     let tools = tools::for_browsers()?;
     build::everything(&[])?;
     for browser in ["chrome", "firefox"] {
         heading(&format!("screenshot of the gallery in {browser}"));
-        let mut command = in_display(&tools);
-        command.arg("node").arg(root().join("tests/e2e/gallery-screenshot.mjs"));
-        command.env("PMESH_NODE_MODULES", tools::npm_folder()?).env("PMESH_BROWSER", browser);
-        command.env("PMESH_XTASK", std::env::current_exe().map_err(|e| e.to_string())?);
-        run(&mut command)?;
+        run(&mut node_script("gallery-screenshot.mjs", browser, &tools)?)?;
     }
     Ok(())
 }

@@ -58,3 +58,29 @@ pub struct Collapses {
     /// Positions after the last step, one a vertex of the input.
     pub positions: Vec<[f32; 3]>,
 }
+
+impl Collapses {
+    /// `mesh` simplified to at most `triangles` triangles, or as far as the list goes; vertices keep their indices, and
+    /// those that are gone are used by no triangle. O(n).
+    pub fn mesh_at(&self, mesh: &pmesh_core::IndexedMesh, triangles: usize) -> pmesh_core::IndexedMesh {
+        let done = self.steps.partition_point(|s| s.triangle_count as usize > triangles) + 1;
+        let done = done.min(self.steps.len());
+        let mut out = mesh.clone();
+        out.vertices.positions.clone_from(&self.positions);
+        for step in self.steps[done..].iter().rev() {
+            out.vertices.positions[step.red as usize] = step.red_before;
+        }
+        for &(v, p) in &mesh.position_of {
+            out.vertices.positions[v as usize] = out.vertices.positions[p as usize];
+        }
+        let mut to: Vec<u32> = (0..mesh.vertices.len() as u32).collect();
+        let pairs = done.checked_sub(1).map_or(0, |last| self.steps[last].pairs_end as usize);
+        // Later pairs first: then each red's own representative is known.
+        for &(blue, red) in self.pairs[..pairs].iter().rev() {
+            to[blue as usize] = to[red as usize];
+        }
+        out.triangles = mesh.triangles.iter().map(|t| t.map(|v| to[v as usize])).collect();
+        out.triangles.retain(|[a, b, c]| a != b && b != c && c != a);
+        out
+    }
+}
