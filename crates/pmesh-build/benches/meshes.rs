@@ -1,23 +1,26 @@
 //! Encode, decode, level selection, memory and simplification error on real meshes.
 //!
-//! `cargo bench -p pmesh-build -- [--quality] [FILE…]`; without files, the samples, and the meshes that lie in
+//! `cargo bench -p pmesh-build -- [--quality | --verify] [FILE…]`; without files, the samples, and the meshes that lie in
 //! ../shared/models beside the project. Times are wall-clock seconds of one run: compare within it.
 #![allow(missing_docs)]
 // Times are what this is for.
 #![allow(clippy::disallowed_methods)]
 
+use pmesh_build::compare::difference;
 use pmesh_build::import::{Model, import};
 use pmesh_build::measure::deviation;
 use pmesh_build::pipeline::{BuildOptions, build};
 use pmesh_build::sample::{SAMPLES, sample};
 use pmesh_build::simplify::{Placement, SimplifyOptions, simplify};
 use pmesh_codec::Receiver;
-use pmesh_codec::pmesh::{EncodeOptions, encode};
+use pmesh_codec::pmesh::{EncodeOptions, encode, quantise};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Points a side of the error measurement, as in the figures that ours are compared with.
 const SAMPLES_A_SIDE: usize = 200_000;
+
+type Outcome = Result<(), Box<dyn std::error::Error>>;
 
 fn timed<T>(f: impl FnOnce() -> T) -> (T, f64) {
     let start = Instant::now();
@@ -25,7 +28,7 @@ fn timed<T>(f: impl FnOnce() -> T) -> (T, f64) {
     (out, start.elapsed().as_secs_f64())
 }
 
-fn row(name: &str, model: &Model) -> Result<(), Box<dyn std::error::Error>> {
+fn row(name: &str, model: &Model) -> Outcome {
     let triangles = model.mesh.triangles.len() as f64;
     let vertices = model.mesh.vertices.len();
     let (bytes, encode_secs) = timed(|| -> Result<Vec<u8>, Box<dyn std::error::Error>> {
@@ -57,7 +60,7 @@ fn row(name: &str, model: &Model) -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-fn quality(name: &str, model: &Model) -> Result<(), Box<dyn std::error::Error>> {
+fn quality(name: &str, model: &Model) -> Outcome {
     for placement in [Placement::Kept, Placement::Optimal] {
         let options = SimplifyOptions { target_triangles: 10, placement };
         let (collapses, secs) = timed(|| simplify(&model.mesh, options, |_| ()));
@@ -74,39 +77,87 @@ fn quality(name: &str, model: &Model) -> Result<(), Box<dyn std::error::Error>> 
     Ok(())
 }
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let arguments: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
-    let measure_quality = arguments.iter().any(|a| a == "--quality");
-    let mut files: Vec<PathBuf> = arguments.iter().filter(|a| !a.starts_with("--")).map(PathBuf::from).collect();
-    let mut models: Vec<(String, Model)> = Vec::new();
-    if files.is_empty() {
-        models.extend(SAMPLES.iter().filter_map(|(name, _)| Some((name.to_string(), sample(name)?))));
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/models");
-        files.extend(std::fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path()));
-        files.retain(|f| f.extension().is_some_and(|e| e != "md"));
-        files.sort();
-    }
-    if measure_quality {
+/// The last level is the input, every level is valid, and so is what any of a thousand prefixes gives.
+fn verify(name: &str, model: &Model) -> Outcome {
+    for bits in [Some(12), None] {
+        let stream = build(model, &BuildOptions::default(), |_| ())?;
+        let mut bytes = Vec::new();
+        encode(&stream, EncodeOptions { position_bits: bits }, &mut bytes)?;
+        let mut receiver = Receiver::default();
+        let (mut at, mut levels) = (0, 0);
+        for cut in random_cuts(bytes.len()) {
+            // What a decoder holds does not depend on how its bytes were cut: this is what the prefix alone gives.
+            receiver.push(&bytes[at..cut])?;
+            at = cut;
+            let mesh = receiver.mesh();
+            mesh.check_invariants();
+            if mesh.arrived_levels() > levels {
+                levels = mesh.arrived_levels();
+                mesh.mesh_at(mesh.finest_level().into())?.check()?;
+            }
+        }
+        receiver.push(&bytes[at..])?;
+        receiver.finish()?;
+        let mesh = receiver.mesh();
+        for level in 0..mesh.level_count() {
+            mesh.mesh_at(level.into())?.check()?;
+            if mesh.triangles_at(level) != pmesh_core::reference::triangles_at(mesh, level) {
+                return Err(format!("{name}: level {level} differs from the reference").into());
+            }
+        }
+        if let Some(difference) = difference(&mesh.finest_mesh(), &quantise(&model.mesh, bits)) {
+            return Err(format!("{name}: {difference}").into());
+        }
+        let shown = bits.map_or("exact floats".to_string(), |b| format!("{b} bits"));
         println!(
-            "{:<14} {:<8} {:>8}   RMS / maximum error, 1e-4 of the diagonal, at 10 %, 1 % and 0.1 % of the triangles",
-            "mesh", "vertices", "time"
+            "{name:<14} {shown:<13} {:>3} levels valid, 1000 prefixes valid, the last level is the input",
+            mesh.level_count()
         );
+    }
+    Ok(())
+}
+
+/// A thousand places in a file, ascending; the same every time.
+fn random_cuts(length: usize) -> Vec<usize> {
+    let mut state = 0x2545_f491u64;
+    let mut next = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as usize % length
+    };
+    let mut cuts: Vec<usize> = (0..1000).map(|_| next()).collect();
+    cuts.sort_unstable();
+    cuts
+}
+
+fn main() -> Outcome {
+    let (flags, files): (Vec<String>, Vec<String>) = std::env::args().skip(1).partition(|a| a.starts_with("--"));
+    let has = |flag: &str| flags.iter().any(|f| f == flag);
+    let run = if has("--quality") {
+        println!("mesh, placement, seconds; RMS / maximum error, 1e-4 of the diagonal, at 10 %, 1 % and 0.1 % of the triangles");
+        quality
+    } else if has("--verify") {
+        verify
     } else {
         println!(
             "{:<14} {:>8} {:>9} {:>10} {:>6} {:>8} {:>8} {:>8} {:>8} {:>6}",
             "mesh", "vertices", "triangles", "bytes", "bpv", "enc MT/s", "dec MT/s", "fine ms", "mid ms", "memory"
         );
+        row
+    };
+    let mut files: Vec<PathBuf> = files.into_iter().map(PathBuf::from).collect();
+    if files.is_empty() {
+        for (name, _) in SAMPLES {
+            sample(name).map_or(Ok(()), |model| run(name, &model))?;
+        }
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/models");
+        files.extend(std::fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path()));
+        files.retain(|f| f.extension().is_some_and(|e| e != "md"));
+        files.sort();
     }
     for file in files {
         let name = file.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-        let model = import(&file.to_string_lossy(), &std::fs::read(&file)?, &mut |_| None)?;
-        models.push((name, model));
-        // One at a time: a million triangles each adds up.
-        let (name, model) = models.pop().unwrap_or_default();
-        if measure_quality { quality(&name, &model)? } else { row(&name, &model)? }
-    }
-    for (name, model) in &models {
-        if measure_quality { quality(name, model)? } else { row(name, model)? }
+        let bytes = std::fs::read(&file).map_err(|e| format!("{}: {e}", file.display()))?;
+        run(&name, &import(&file.to_string_lossy(), &bytes, &mut |_| None)?)?;
     }
     Ok(())
 }

@@ -12,6 +12,7 @@
 
 pub mod arrange;
 pub mod cluster;
+pub mod compare;
 mod error;
 pub mod import;
 pub mod measure;

@@ -1,6 +1,6 @@
 //! What decodes at the last level is the input, exactly; every level and every prefix is a valid mesh.
 
-use pmesh_build::arrange::turned;
+use pmesh_build::compare::difference;
 use pmesh_build::import::Model;
 use pmesh_build::pipeline::{BuildOptions, LevelRule, Steps, build};
 use pmesh_build::sample::sample;
@@ -8,37 +8,6 @@ use pmesh_build::simplify::Placement;
 use pmesh_codec::Receiver;
 use pmesh_codec::pmesh::{EncodeOptions, encode, quantise};
 use pmesh_core::{IndexedMesh, ProgressiveMultilevelMesh, reference};
-
-/// Vertices as bits, attributes included.
-fn vertex_bits(mesh: &IndexedMesh, v: usize) -> Vec<u32> {
-    let a = &mesh.vertices.attributes;
-    let bits = |x: &[f32]| x.iter().map(|f| f.to_bits()).collect::<Vec<_>>();
-    let mut all = bits(&mesh.vertices.positions[v]);
-    all.extend(a.normals.get(v).map(|n| bits(n)).into_iter().flatten());
-    all.extend(a.colors.get(v).map(|n| bits(n)).into_iter().flatten());
-    all.extend(a.texcoords.get(v).map(|n| bits(n)).into_iter().flatten());
-    all
-}
-
-/// The mesh as sorted lists that do not depend on the order of vertices and triangles, but do on orientation.
-fn canonical(mesh: &IndexedMesh) -> (Vec<Vec<u32>>, Vec<[Vec<u32>; 3]>) {
-    let mut vertices: Vec<_> = (0..mesh.vertices.len()).map(|v| vertex_bits(mesh, v)).collect();
-    let mut order: Vec<u32> = (0..vertices.len() as u32).collect();
-    order.sort_by(|&a, &b| vertices[a as usize].cmp(&vertices[b as usize]));
-    let mut rank = vec![0u32; order.len()];
-    let mut next = 0;
-    for (i, &v) in order.iter().enumerate() {
-        if i > 0 && vertices[order[i - 1] as usize] != vertices[v as usize] {
-            next = i as u32;
-        }
-        rank[v as usize] = next;
-    }
-    let mut triangles: Vec<[Vec<u32>; 3]> =
-        mesh.triangles.iter().map(|t| turned(t.map(|v| rank[v as usize])).map(|r| vec![r])).collect();
-    triangles.sort();
-    vertices.sort();
-    (vertices, triangles)
-}
 
 fn decode(bytes: &[u8]) -> ProgressiveMultilevelMesh {
     let mut receiver = Receiver::default();
@@ -53,7 +22,7 @@ fn round_trip(model: &Model, bits: Option<u8>, options: &BuildOptions) -> Vec<u8
     encode(&stream, EncodeOptions { position_bits: bits }, &mut bytes).expect("it encodes");
     let mesh = decode(&bytes);
     mesh.check_invariants();
-    assert_eq!(canonical(&mesh.finest_mesh()), canonical(&quantise(&model.mesh, bits)));
+    assert_eq!(difference(&mesh.finest_mesh(), &quantise(&model.mesh, bits)), None);
     for level in 0..mesh.level_count() {
         assert_eq!(mesh.triangles_at(level), reference::triangles_at(&mesh, level), "level {level}");
         mesh.mesh_at(level.into()).expect("the level is there").check().expect("it is valid");
