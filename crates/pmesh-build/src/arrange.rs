@@ -135,15 +135,9 @@ fn find_duplicates(triangles: &[[u32; 3]]) -> Vec<bool> {
     duplicate
 }
 
-/// The triangle turned so that its lowest corner leads; orientation is kept.
+/// The triangle turned to the lexicographically lowest of its three turns; orientation is kept.
 pub fn turned([a, b, c]: [u32; 3]) -> [u32; 3] {
-    if a <= b && a <= c {
-        [a, b, c]
-    } else if b <= c {
-        [b, c, a]
-    } else {
-        [c, a, b]
-    }
+    [a, b, c].min([b, c, a]).min([c, a, b])
 }
 
 /// The coarsest level at which the three corners, each at its representative, are distinct.

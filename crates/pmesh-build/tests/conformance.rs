@@ -178,22 +178,6 @@ fn g6_a_level_that_was_asked_for_is_kept_until_it_arrives() {
 }
 
 #[test]
-fn g7_memory_is_at_most_1_112_of_a_plain_mesh() {
-    let model = sample("knot").expect("a sample");
-    let mut mesh = built(&model, &BuildOptions::default());
-    mesh.shrink_to_fit();
-    let n = model.mesh.vertices.len();
-    let plain = 12 * n + 12 * model.mesh.triangles.len();
-    let ratio = mesh.memory_bytes() as f64 / plain as f64;
-    println!("memory: {} bytes, {ratio:.4} of a plain indexed mesh of {n} vertices", mesh.memory_bytes());
-    assert!(ratio <= 1.112, "{ratio}");
-    let moving = built(&model, &BuildOptions { placement: Placement::Optimal, ..Default::default() });
-    let moves = moving.vertices().len() - n;
-    println!("with {moves} moves: {:.4}", moving.memory_bytes() as f64 / plain as f64);
-    assert!(moves > 0);
-}
-
-#[test]
 fn g7_moving_reds_return_bit_for_bit() {
     let model = sample("part").expect("a sample");
     let mesh = built(&model, &BuildOptions { placement: Placement::Optimal, ..Default::default() });

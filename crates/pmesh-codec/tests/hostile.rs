@@ -212,6 +212,21 @@ fn a_deflate_bomb_is_refused() {
     assert!(receiver.mesh().memory_bytes() < 50 / 5 * 16 * 2 * file.len());
 }
 
+/// Files that were written once and stay readable for ever; `PMESH_UPDATE=1` writes them anew for a new version.
+#[test]
+fn golden_files_decode_and_are_written_byte_for_byte() {
+    for (name, bits) in [("version0-12bit.pmesh", Some(12)), ("version0-exact.pmesh", None)] {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name);
+        if std::env::var_os("PMESH_UPDATE").is_some() {
+            std::fs::write(&path, pmesh_file(bits)).expect("it can be written");
+        }
+        let golden = std::fs::read(&path).expect("it is there");
+        assert_eq!(pmesh_file(bits), golden, "{name}");
+        let (levels, error) = outcome(&golden, &[13]);
+        assert_eq!((levels.len(), error), (3, None));
+    }
+}
+
 #[test]
 fn attributes_moves_and_seams_survive() {
     for bits in [Some(12), None] {

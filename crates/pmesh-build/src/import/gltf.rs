@@ -16,6 +16,7 @@ fn file(message: impl Into<String>) -> BuildError {
 }
 
 pub(super) fn read(bytes: &[u8], resolve: &mut Resolve) -> Result<Model, BuildError> {
+    check_attributes(bytes)?;
     let gltf::Gltf { document, blob } = gltf::Gltf::from_slice(bytes).map_err(|e| file(e.to_string()))?;
     let mut blob = blob;
     let mut buffers = Vec::new();
@@ -40,6 +41,17 @@ pub(super) fn read(bytes: &[u8], resolve: &mut Resolve) -> Result<Model, BuildEr
     scene.note_document(&document);
     scene.walk(&document)?;
     scene.into_model(resolve)
+}
+
+/// The library's own validation panics on attributes that name accessors past the last: they are checked before it.
+fn check_attributes(bytes: &[u8]) -> Result<(), BuildError> {
+    let unchecked = gltf::Gltf::from_slice_without_validation(bytes).map_err(|e| file(e.to_string()))?;
+    let json = unchecked.document.as_json();
+    let primitives = json.meshes.iter().flat_map(|m| &m.primitives);
+    match primitives.flat_map(|p| p.attributes.values()).find(|a| a.value() >= json.accessors.len()) {
+        Some(a) => Err(file(format!("accessor {} does not exist", a.value()))),
+        None => Ok(()),
+    }
 }
 
 fn load(uri: &str, resolve: &mut Resolve) -> Result<Vec<u8>, BuildError> {
@@ -235,7 +247,13 @@ fn to_linear(x: f32) -> f32 {
     if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 fn to_srgb(x: f32) -> f32 {
-    if x <= 0.003_130_8 { x * 12.92 } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+    if x >= 1.0 {
+        1.0
+    } else if x <= 0.003_130_8 {
+        x * 12.92
+    } else {
+        1.055 * x.powf(1.0 / 2.4) - 0.055
+    }
 }
 
 /// One mesh of all parts; an attribute that some part has, all have.

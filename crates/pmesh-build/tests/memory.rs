@@ -1,0 +1,55 @@
+//! G.7: memory against a plain indexed mesh, counted from the real allocations. Alone in its binary: the count is global.
+
+use peak_alloc::PeakAlloc;
+use pmesh_build::import::Model;
+use pmesh_build::pipeline::{BuildOptions, build};
+use pmesh_build::sample::sample;
+use pmesh_build::simplify::Placement;
+use pmesh_codec::Receiver;
+use pmesh_codec::pmesh::{EncodeOptions, encode};
+use pmesh_core::ProgressiveMultilevelMesh;
+
+#[global_allocator]
+static ALLOCATED: PeakAlloc = PeakAlloc;
+
+/// The mesh as a client has it after the whole stream, the bytes it takes, and the most that were taken meanwhile.
+fn received(model: &Model, placement: Placement) -> (ProgressiveMultilevelMesh, usize, usize) {
+    let stream = build(model, &BuildOptions { placement, ..Default::default() }, |_| ()).expect("it builds");
+    let mut bytes = Vec::new();
+    encode(&stream, EncodeOptions { position_bits: None }, &mut bytes).expect("it encodes");
+    drop(stream);
+    let before = ALLOCATED.current_usage();
+    ALLOCATED.reset_peak_usage();
+    let mut receiver = Receiver::default();
+    for chunk in bytes.chunks(65_536) {
+        receiver.push(chunk).expect("it decodes");
+        while receiver.poll().is_some() {}
+    }
+    receiver.finish().expect("it is whole");
+    let mesh = receiver.into_mesh();
+    (mesh, ALLOCATED.current_usage() - before, ALLOCATED.peak_usage() - before)
+}
+
+#[test]
+fn g7_memory_is_at_most_1_112_of_a_plain_mesh() {
+    let model = sample("knot").expect("a sample");
+    let plain = 12 * model.mesh.vertices.len() + 12 * model.mesh.triangles.len();
+    let (mesh, bytes, peak) = received(&model, Placement::Kept);
+    let ratio = |bytes: usize| bytes as f64 / plain as f64;
+    println!(
+        "{} vertices: {:.4} of a plain indexed mesh, {:.2} at most while loading",
+        mesh.vertices().len(),
+        ratio(bytes),
+        ratio(peak)
+    );
+    assert_eq!(bytes + size_of_val(&mesh), mesh.memory_bytes(), "the structure knows its own size");
+    assert!(ratio(mesh.memory_bytes()) <= 1.112, "{}", ratio(mesh.memory_bytes()));
+    let temporary = ALLOCATED.current_usage();
+    let triangles = mesh.triangles_at(mesh.level_count() / 2).expect("a level");
+    drop(triangles);
+    assert_eq!(ALLOCATED.current_usage(), temporary, "the path-compressed copy is temporary");
+    let (moving, bytes, _) = received(&model, Placement::Optimal);
+    let moves = moving.vertices().len() - model.mesh.vertices.len();
+    println!("with {moves} moves: {:.4}", ratio(bytes));
+    assert!(moves > 0);
+}
