@@ -58,6 +58,7 @@ pub(crate) fn info(info: &StreamInfo) -> Object {
     let out = Object::new();
     set(&out, "format", info.format);
     set(&out, "totalBytes", info.total_bytes.map_or(JsValue::NULL, |b| (b as f64).into()));
+    set(&out, "textureEndByte", info.texture_end_byte.map_or(JsValue::NULL, |b| (b as f64).into()));
     set(&out, "positionBits", info.position_bits.map_or(JsValue::NULL, JsValue::from));
     let levels = info.levels.as_ref().map_or(JsValue::NULL, |table| {
         let rows = table.iter().enumerate().map(|(step, entry)| {

@@ -43,7 +43,8 @@ export interface MeshArrays {
 export interface LevelInfo { level: number; endByte: number; vertices: number; triangles: number; error: number; }
 /** A stream's header. */
 export interface StreamInfo {
-  format: string; totalBytes: number | null; positionBits: number | null; levels: LevelInfo[] | null;
+  format: string; totalBytes: number | null; textureEndByte: number | null; positionBits: number | null;
+  levels: LevelInfo[] | null;
 }
 /** A finished level. */
 export interface LevelReady {

@@ -41,7 +41,8 @@ fn row(name: &str, model: &Model) -> Outcome {
     let mut receiver = Receiver::default();
     let (decoded, decode_secs) = timed(|| receiver.push(&bytes).and_then(|()| receiver.finish()));
     decoded?;
-    let mesh = receiver.into_mesh();
+    let mut mesh = receiver.into_mesh();
+    mesh.shrink_to_fit();
     let middle = mesh.level_count() / 2;
     let (_, fine_secs) = timed(|| mesh.triangles_at(0).map(|t| t.len()));
     let (_, middle_secs) = timed(|| mesh.triangles_at(middle).map(|t| t.len()));

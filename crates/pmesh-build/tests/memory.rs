@@ -26,7 +26,8 @@ fn received(model: &Model, placement: Placement) -> (ProgressiveMultilevelMesh, 
         while receiver.poll().is_some() {}
     }
     receiver.finish().expect("it is whole");
-    let mesh = receiver.into_mesh();
+    let mut mesh = receiver.into_mesh();
+    mesh.shrink_to_fit();
     (mesh, ALLOCATED.current_usage() - before, ALLOCATED.peak_usage() - before)
 }
 

@@ -47,7 +47,8 @@ struct LevelRow {
 
 pub fn run(args: &Args) -> Result<()> {
     let bytes = input::read(&args.input)?;
-    let stream = input::decode_whole(&args.input, &bytes)?;
+    let mut stream = input::decode_whole(&args.input, &bytes)?;
+    stream.receiver.mesh_mut().shrink_to_fit();
     let mesh = stream.receiver.mesh();
     let info = stream.receiver.info().cloned().unwrap_or_default();
     let count = mesh.level_count();

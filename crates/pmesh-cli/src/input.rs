@@ -74,9 +74,28 @@ pub fn model(path: &Path, bytes: &[u8]) -> Result<Model> {
     import(&name, bytes, &mut |uri| named_file(&folder, uri)).map_err(CliError::build(path))
 }
 
+fn percent_decoded(uri: &str) -> String {
+    let mut bytes = Vec::new();
+    let mut rest = uri.as_bytes();
+    while let Some((&first, tail)) = rest.split_first() {
+        let digits = tail.first_chunk::<2>().filter(|_| first == b'%').and_then(|d| std::str::from_utf8(d).ok());
+        match digits.and_then(|d| u8::from_str_radix(d, 16).ok()) {
+            Some(byte) => {
+                bytes.push(byte);
+                rest = &tail[2..];
+            }
+            None => {
+                bytes.push(first);
+                rest = tail;
+            }
+        }
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
 /// A file beside the model. Names that lead elsewhere are refused.
 fn named_file(folder: &Path, uri: &str) -> Option<Vec<u8>> {
-    let uri = uri.replace("%20", " ");
+    let uri = percent_decoded(uri);
     let relative = PathBuf::from(&uri);
     let plain = relative.components().all(|c| matches!(c, std::path::Component::Normal(_) | std::path::Component::CurDir));
     let path = folder.join(relative);

@@ -31,6 +31,8 @@ pub struct StreamInfo {
     pub file_id: Option<u64>,
     /// Bytes of the whole stream.
     pub total_bytes: Option<u64>,
+    /// Byte at which the base-colour image ends, if the stream announces one.
+    pub texture_end_byte: Option<u64>,
     /// Bits a coordinate, `None` if positions are exact floats.
     pub position_bits: Option<u8>,
 }
@@ -78,6 +80,9 @@ pub(crate) fn open_inside_gzip() -> Box<dyn Decoder + Send> {
     Box::new(Sniffer { seen: Vec::new(), chosen: None, inside_gzip: true })
 }
 
+/// White space that a text file may begin with.
+const SNIFF_LIMIT: usize = 4096;
+
 struct Sniffer {
     seen: Vec<u8>,
     chosen: Option<Box<dyn Decoder + Send>>,
@@ -96,8 +101,9 @@ impl Sniffer {
         if !self.inside_gzip && starts(&[0x1f, 0x8b]) {
             return Ok((seen.len() >= 2).then(|| Box::new(GzipDecoder::new()) as Box<_>));
         }
-        match seen.iter().find(|b| !b.is_ascii_whitespace()) {
-            None if seen.len() < 4096 => Ok(None),
+        let head = &seen[..seen.len().min(SNIFF_LIMIT)];
+        match head.iter().find(|b| !b.is_ascii_whitespace()) {
+            None if seen.len() < SNIFF_LIMIT => Ok(None),
             Some(b'#' | b'{') => Ok(Some(Box::new(TextDecoder::new(Default::default())))),
             _ => Err(DecodeError::UnknownFormat { found: describe(seen) }),
         }

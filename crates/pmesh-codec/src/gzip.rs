@@ -7,12 +7,15 @@ use std::io::Write;
 
 /// Input is inflated in slices of this many bytes, so that what one push can produce is bounded (deflate expands 1,032 times).
 const SLICE_BYTES: usize = 1024;
+/// Most inflated bytes a compressed one, over the whole stream. Text of meshes stays below 10.
+const INFLATE_RATIO: u64 = 64;
 
 /// Inflates and hands on.
 pub struct GzipDecoder {
     inflate: MultiGzDecoder<Vec<u8>>,
     inner: Box<dyn Decoder + Send>,
     offset: u64,
+    inflated: u64,
 }
 
 impl Default for GzipDecoder {
@@ -24,13 +27,19 @@ impl Default for GzipDecoder {
 impl GzipDecoder {
     /// A decoder that sniffs the format inside.
     pub fn new() -> Self {
-        Self { inflate: MultiGzDecoder::new(Vec::new()), inner: open_inside_gzip(), offset: 0 }
+        Self { inflate: MultiGzDecoder::new(Vec::new()), inner: open_inside_gzip(), offset: 0, inflated: 0 }
     }
     fn bad(&self, error: std::io::Error) -> DecodeError {
         DecodeError::syntax(Place::Byte(self.offset), format!("damaged gzip data ({error}): fetch the file again"))
     }
     fn hand_on(&mut self) -> Result<(), DecodeError> {
         let inflated = std::mem::take(self.inflate.get_mut());
+        self.inflated += inflated.len() as u64;
+        let limit = (self.offset + 4096) * INFLATE_RATIO;
+        if self.inflated > limit {
+            let place = Place::Byte(self.offset);
+            return Err(DecodeError::Limit { place, what: "inflated data", got: self.inflated, limit });
+        }
         self.inner.push(&inflated)
     }
 }

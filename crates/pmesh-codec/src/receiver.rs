@@ -82,15 +82,14 @@ impl Receiver {
         let pushed = self.decoder.push(bytes);
         self.after(pushed)
     }
-    /// Says that the stream has ended.
+    /// Says that the stream has ended. What growing reserved is kept: giving it back copies everything, which a page would
+    /// notice; [`ProgressiveMultilevelMesh::shrink_to_fit`] does it where memory counts more.
     pub fn finish(&mut self) -> Result<(), DecodeError> {
         if self.error.is_some() {
             return Err(DecodeError::Stopped);
         }
         let finished = self.decoder.finish();
-        self.after(finished)?;
-        self.mesh.shrink_to_fit();
-        Ok(())
+        self.after(finished)
     }
 
     fn after(&mut self, result: Result<(), DecodeError>) -> Result<(), DecodeError> {

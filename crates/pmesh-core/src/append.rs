@@ -89,8 +89,7 @@ impl ProgressiveMultilevelMesh {
     }
 
     fn note_future_representatives(&mut self, part: &Level) -> Result<Vec<u32>, MeshError> {
-        let count = u64::from(self.logical_count()) + part.vertices.len() as u64 + part.moved.ids.len() as u64;
-        let entries = self.vertices.len() as u64 + count;
+        let entries = (self.vertices.len() + part.vertices.len() + part.moved.ids.len()) as u64;
         let triangles = self.triangles.len() as u64 + part.triangles.len() as u64;
         for (what, count) in [("vertices", entries), ("triangles", triangles)] {
             if count > ENTRY_LIMIT {

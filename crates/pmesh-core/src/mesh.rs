@@ -9,7 +9,7 @@ pub struct AttributeSet {
     pub normals: bool,
     /// Colours, red green blue alpha, each 0 to 1, linear or not as the source had them.
     pub colors: bool,
-    /// Texture coordinates, two floats, v upwards as in glTF's convention (0 at the top row of the image).
+    /// Texture coordinates, two floats, as the source had them: with a glTF's image, v is 0 at its top row.
     pub texcoords: bool,
 }
 

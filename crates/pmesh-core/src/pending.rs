@@ -7,7 +7,7 @@ use crate::MeshError;
 use std::collections::HashMap;
 
 /// Longest chain of vertices that have not arrived. Each link moves the corners behind it once, so this bounds the work.
-const CHAIN_LIMIT: u32 = 4096;
+const CHAIN_LIMIT: u32 = 128;
 
 #[derive(Clone, Debug)]
 struct Waiting {
@@ -15,8 +15,10 @@ struct Waiting {
     depth: u32,
     /// Corners (3 × triangle + corner) whose finest vertex this is.
     corners: Vec<u32>,
-    /// Vertices that have not arrived and whose representative this is.
+    /// Vertices that have not arrived and whose representative this is, those that corners wait for.
     behind: Vec<u32>,
+    /// True once this is in the list of its own representative.
+    linked: bool,
 }
 
 /// The vertices that have a representative but have not arrived.
@@ -36,12 +38,12 @@ impl Pending {
         if self.0.contains_key(&vertex) {
             return Err(MeshError::SecondRepresentative { vertex, representative });
         }
-        // A parent that is itself named later has depth 0 now: chains given root last are measured by `depth_of`.
+        // A parent that is named later counts as arrived here; `resolve` measures what a corner really walks.
         let depth = self.0.get(&representative).map_or(0, |w| w.depth) + 1;
         if depth > CHAIN_LIMIT {
             return Err(MeshError::ChainTooLong { vertex, limit: CHAIN_LIMIT });
         }
-        self.0.insert(vertex, Waiting { representative, depth, corners: Vec::new(), behind: Vec::new() });
+        self.0.insert(vertex, Waiting { representative, depth, corners: Vec::new(), behind: Vec::new(), linked: false });
         Ok(())
     }
 
@@ -74,12 +76,13 @@ impl Pending {
         if let Some(w) = self.0.get_mut(&v) {
             w.corners.push(corner);
         }
-        while let Some(parent) = self.representative(v) {
-            let Some(w) = self.0.get_mut(&parent) else { break };
-            if w.behind.contains(&v) {
-                break;
+        while let Some(own) = self.0.get_mut(&v).filter(|w| !w.linked) {
+            let parent = own.representative;
+            let Some(above) = self.0.get_mut(&parent) else { break };
+            above.behind.push(v);
+            if let Some(own) = self.0.get_mut(&v) {
+                own.linked = true;
             }
-            w.behind.push(v);
             v = parent;
         }
     }

@@ -4,10 +4,13 @@
 use super::{Dropped, Model, Resolve};
 use crate::BuildError;
 use base64::Engine;
+use gltf::accessor::{DataType, Dimensions};
 use gltf::mesh::Mode;
 use pmesh_codec::Texture;
 use pmesh_core::normals::smooth_normals;
 use pmesh_core::{IndexedMesh, Vertices};
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 
 type Matrix = [[f32; 4]; 4];
 
@@ -37,7 +40,13 @@ pub(super) fn read(bytes: &[u8], resolve: &mut Resolve) -> Result<Model, BuildEr
             return Err(file(format!("buffer view {} ends past its buffer", view.index())));
         }
     }
-    let mut scene = Scene { buffers: &buffers, parts: Vec::new(), dropped: Dropped::default() };
+    let size = bytes.len() + buffers.iter().map(Vec::len).sum::<usize>();
+    let mut scene = Scene {
+        buffers: &buffers,
+        parts: Vec::new(),
+        dropped: Dropped::default(),
+        elements_left: size.saturating_mul(INSTANCING),
+    };
     scene.note_document(&document);
     scene.walk(&document)?;
     scene.into_model(resolve)
@@ -64,6 +73,20 @@ fn load(uri: &str, resolve: &mut Resolve) -> Result<Vec<u8>, BuildError> {
         .ok_or_else(|| file(format!("{uri:?}, which the model needs, is not to be had: put it beside the model, or use a GLB")))
 }
 
+/// The library's readers take the types of accessors on trust.
+fn check_type(semantic: &gltf::Semantic, accessor: &gltf::Accessor) -> Result<(), BuildError> {
+    use gltf::Semantic::{Colors, Normals, Positions, TexCoords};
+    let (kind, shape) = (accessor.data_type(), accessor.dimensions());
+    let normalised = matches!(kind, DataType::F32 | DataType::U8 | DataType::U16);
+    let fits = match semantic {
+        Positions | Normals => kind == DataType::F32 && shape == Dimensions::Vec3,
+        Colors(0) => normalised && matches!(shape, Dimensions::Vec3 | Dimensions::Vec4),
+        TexCoords(0) => normalised && shape == Dimensions::Vec2,
+        _ => true,
+    };
+    if fits { Ok(()) } else { Err(file(format!("accessor {} is of a type that {semantic:?} cannot have", accessor.index()))) }
+}
+
 /// A primitive where it stands in the scene.
 struct Part<'a> {
     vertices: Vertices,
@@ -76,7 +99,12 @@ struct Scene<'a> {
     buffers: &'a [Vec<u8>],
     parts: Vec<Part<'a>>,
     dropped: Dropped,
+    /// Vertices and indices that may still be read.
+    elements_left: usize,
 }
+
+/// Vertices and indices that a byte of the file may become: nodes that share a mesh repeat it.
+const INSTANCING: usize = 16;
 
 impl<'a> Scene<'a> {
     fn note_document(&mut self, document: &gltf::Document) {
@@ -130,6 +158,13 @@ impl<'a> Scene<'a> {
         Ok(())
     }
 
+    fn spend(&mut self, elements: usize) -> Result<(), BuildError> {
+        let left = self.elements_left.checked_sub(elements);
+        self.elements_left =
+            left.ok_or_else(|| file("its nodes repeat meshes too often for its size: export it with fewer instances"))?;
+        Ok(())
+    }
+
     fn primitive(&mut self, primitive: &gltf::Primitive<'a>, matrix: &Matrix) -> Result<(), BuildError> {
         let mode = primitive.mode();
         if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
@@ -139,11 +174,18 @@ impl<'a> Scene<'a> {
         if primitive.morph_targets().len() > 0 {
             self.dropped.note("morph targets are not carried");
         }
-        for (_, accessor) in primitive.attributes() {
+        for (semantic, accessor) in primitive.attributes() {
             self.check_accessor(&accessor)?;
+            check_type(&semantic, &accessor)?;
+            self.spend(accessor.count())?;
         }
         if let Some(indices) = primitive.indices() {
             self.check_accessor(&indices)?;
+            self.spend(indices.count())?;
+            let unsigned = matches!(indices.data_type(), DataType::U8 | DataType::U16 | DataType::U32);
+            if !unsigned || indices.dimensions() != Dimensions::Scalar {
+                return Err(file(format!("accessor {} does not hold indices", indices.index())));
+            }
         }
         let buffers = self.buffers;
         let reader = primitive.reader(|b| buffers.get(b.index()).map(|d| &d[..]));
@@ -211,10 +253,13 @@ impl<'a> Scene<'a> {
         let mut parts = std::mem::take(&mut self.parts);
         if shared.is_none() && images.iter().any(Option::is_some) {
             self.dropped.note("several base-colour images: baked into vertex colours");
+            let mut decoded = HashMap::new();
             for part in &mut parts {
                 if let Some(image) = part.image.take() {
-                    let texture = self.image_bytes(&image, resolve)?;
-                    bake(part, &texture)?;
+                    if let Entry::Vacant(slot) = decoded.entry(image.index()) {
+                        slot.insert(decode(&self.image_bytes(&image, resolve)?)?);
+                    }
+                    bake(part, &decoded[&image.index()]);
                 }
             }
         }
@@ -222,14 +267,17 @@ impl<'a> Scene<'a> {
     }
 }
 
-/// Multiplies vertex colours by the image's colour at each vertex.
-fn bake(part: &mut Part, texture: &Texture) -> Result<(), BuildError> {
+fn decode(texture: &Texture) -> Result<image::RgbaImage, BuildError> {
     let mut reader =
         image::ImageReader::new(std::io::Cursor::new(&texture.bytes)).with_guessed_format().map_err(|e| file(e.to_string()))?;
     let mut limits = image::Limits::default();
     (limits.max_image_width, limits.max_image_height) = (Some(16_384), Some(16_384));
     reader.limits(limits);
-    let image = reader.decode().map_err(|e| file(format!("an image: {e}")))?.to_rgba8();
+    Ok(reader.decode().map_err(|e| file(format!("an image: {e}")))?.to_rgba8())
+}
+
+/// Multiplies vertex colours by the image's colour at each vertex.
+fn bake(part: &mut Part, image: &image::RgbaImage) {
     let (w, h) = image.dimensions();
     let a = &mut part.vertices.attributes;
     a.colors.resize(a.texcoords.len(), [1.0; 4]);
@@ -240,7 +288,6 @@ fn bake(part: &mut Part, texture: &Texture) -> Result<(), BuildError> {
         (0..4).for_each(|k| color[k] *= if k < 3 { to_linear(f32::from(texel[k]) / 255.0) } else { f32::from(texel[k]) / 255.0 });
     }
     a.texcoords.clear();
-    Ok(())
 }
 
 fn to_linear(x: f32) -> f32 {

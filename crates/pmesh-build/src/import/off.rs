@@ -23,8 +23,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Model, BuildError> {
             first = all.next().ok_or_else(|| file("the counts are missing"))?;
         }
     }
-    let counts = first.floats::<2>()?;
-    let [vertex_count, face_count] = counts.map(|c| c as usize);
+    let [vertex_count, face_count] = [first.count()?, first.count()?];
     let mut dropped = Dropped::default();
     let mut vertices = Vertices::default();
     for i in 0..vertex_count {

@@ -91,14 +91,20 @@ pub(super) fn read(bytes: &[u8]) -> Result<Model, BuildError> {
                 for (property, _) in element.properties.iter().filter(|(p, _)| slot(p).is_none()) {
                     dropped.note(format!("the vertex property {property:?} is not carried"));
                 }
-                let is_byte = element.properties.iter().any(|(p, d)| {
-                    slot(p) == slot("red") && matches!(d.data_type, PropertyType::Scalar(ScalarType::UChar | ScalarType::Char))
-                });
-                fill(&mut vertices, &rows, has, if is_byte { 255.0 } else { 1.0 });
+                let red = element.properties.iter().find(|(p, _)| slot(p) == slot("red")).map(|(_, d)| &d.data_type);
+                let color_scale = match red {
+                    Some(PropertyType::Scalar(ScalarType::UChar | ScalarType::Char)) => 255.0,
+                    Some(PropertyType::Scalar(ScalarType::UShort)) => 65535.0,
+                    _ => 1.0,
+                };
+                fill(&mut vertices, &rows, has, color_scale);
             }
             "face" => {
                 let read = Parser::<Face>::new().read_payload_for_element(&mut reader, element, &header);
-                faces = read.map_err(|e| wrap(e, &reader))?;
+                faces.extend(read.map_err(|e| wrap(e, &reader))?);
+                for (property, _) in element.properties.iter().filter(|(p, _)| !p.starts_with("vertex_ind")) {
+                    dropped.note(format!("the face property {property:?} is not carried"));
+                }
             }
             "tristrips" => {
                 let read = Parser::<Face>::new().read_payload_for_element(&mut reader, element, &header);

@@ -2,8 +2,8 @@
 
 type Point = [f64; 3];
 
-/// Larger concave polygons are fanned: cutting ears is quadratic.
-const EAR_LIMIT: usize = 4096;
+/// Larger concave polygons are fanned: cutting ears can take cubic time.
+const EAR_LIMIT: usize = 256;
 
 /// Gives the triangles of the polygon `corners`, as indices into it. Degenerate polygons are fanned.
 pub(super) fn triangulate(corners: &[[f32; 3]], mut give: impl FnMut([usize; 3])) {

@@ -45,6 +45,10 @@ impl Line<'_> {
         let words: Vec<_> = self.words.by_ref().collect();
         words.iter().map(|w| self.parse_float(w)).collect()
     }
+    pub(super) fn count(&mut self) -> Result<usize, BuildError> {
+        let word = self.words.next().ok_or_else(|| self.error("a count is missing"))?;
+        word.parse().map_err(|_| self.error(format!("{word:?} is not a count")))
+    }
     pub(super) fn index(&mut self, count: usize) -> Result<u32, BuildError> {
         let word = self.words.next().ok_or_else(|| self.error("an index is missing"))?;
         match word.parse::<u32>() {

@@ -1,7 +1,7 @@
 //! The queue: which collapse is cheapest now, and doing it.
 
 use super::quadric::{Point, Quadric, cross, dot, sub};
-use super::ring::{Connectivity, Neighbour};
+use super::ring::{Connectivity, LARGE_VALENCE, Neighbour};
 use super::{Collapses, Placement, SimplifyOptions, Step};
 use crate::BuildError;
 use pmesh_core::{IndexedMesh, Vertices};
@@ -134,7 +134,7 @@ impl Collapser<'_> {
             }
             self.queued[u as usize] = NOT_QUEUED;
             self.mesh_state.ring(u, &mut ring);
-            let Some(choice) = self.best_allowed(u, &ring, &mut ring_v) else { continue };
+            let Some(choice) = self.best_allowed(u, &ring) else { continue };
             let next = self.queue.peek().map_or(f64::INFINITY, |e| f64::from_bits(e.cost.0));
             if choice.cost > next {
                 self.put(u, choice.cost);
@@ -148,7 +148,9 @@ impl Collapser<'_> {
             }
             // Vertices whose only candidates were refused get another chance as their surroundings change.
             for n in &ring {
-                if self.queued[n.position as usize] == NOT_QUEUED && n.position != v {
+                let refused = self.queued[n.position as usize] == NOT_QUEUED && n.position != v;
+                // The hub of a large fan would be looked at anew for each of its spokes.
+                if refused && self.mesh_state.incident[n.position as usize].len() <= LARGE_VALENCE {
                     self.enqueue(n.position, choice.cost, &mut ring_v);
                 }
             }
@@ -209,7 +211,7 @@ impl Collapser<'_> {
         sum * ATTRIBUTE_SCALE * ATTRIBUTE_SCALE * self.quadrics[u as usize].weight
     }
 
-    fn best_allowed(&self, u: u32, ring: &[Neighbour], ring_v: &mut Vec<Neighbour>) -> Option<Choice> {
+    fn best_allowed(&self, u: u32, ring: &[Neighbour]) -> Option<Choice> {
         let mut priced: Vec<(f64, usize, Point)> = ring
             .iter()
             .enumerate()
@@ -228,8 +230,7 @@ impl Collapser<'_> {
             if !self.allow_turning && !self.keeps_orientation(u, v, to) {
                 continue;
             }
-            self.mesh_state.ring(v, ring_v);
-            if !self.mesh_state.keeps_topology(&ring[neighbour], ring, ring_v) {
+            if !self.mesh_state.keeps_topology(&ring[neighbour], ring) {
                 let edge = sub(self.mesh_state.positions[u as usize], self.mesh_state.positions[v as usize]);
                 cost += BREAK_WEIGHT * (self.quadrics[u as usize].weight + 1e-12) * dot(edge, edge);
             }

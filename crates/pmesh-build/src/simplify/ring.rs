@@ -2,6 +2,10 @@
 
 use super::quadric::{Point, cross, dot, sub};
 use pmesh_core::IndexedMesh;
+use std::collections::HashMap;
+
+/// Triangles around a position above which its neighbours are hashed.
+pub(super) const LARGE_VALENCE: usize = 64;
 
 /// A neighbour of a position.
 #[derive(Clone, Copy, Debug)]
@@ -37,7 +41,7 @@ pub(super) struct Connectivity {
     pub(super) incident: Vec<Vec<u32>>,
     pub(super) alive_count: usize,
     /// Wedges of each position that has more than one, itself included.
-    pub(super) members: std::collections::HashMap<u32, Vec<u32>>,
+    pub(super) members: HashMap<u32, Vec<u32>>,
 }
 
 impl Connectivity {
@@ -45,7 +49,7 @@ impl Connectivity {
     pub(super) fn new(mesh: &IndexedMesh) -> (Self, Point, f64) {
         let n = mesh.vertices.len();
         let mut position_of: Vec<u32> = (0..n as u32).collect();
-        let mut members: std::collections::HashMap<u32, Vec<u32>> = Default::default();
+        let mut members: HashMap<u32, Vec<u32>> = Default::default();
         for &(v, p) in &mesh.position_of {
             let root = position_of[p as usize];
             position_of[v as usize] = root;
@@ -78,16 +82,25 @@ impl Connectivity {
         cross(sub(b, a), sub(c, a))
     }
 
-    /// The neighbours of `v`. O(valence²), which is small.
+    /// The neighbours of `v`. O(valence), but for small rings, where looking through them is quicker than hashing.
     pub(super) fn ring(&self, v: u32, out: &mut Vec<Neighbour>) {
         out.clear();
+        let mut index = (self.incident[v as usize].len() > LARGE_VALENCE).then(HashMap::new);
         for t in self.live(v) {
             let (corners, wedges) = (self.triangles[t as usize], self.wedges[t as usize]);
             let here = corners.iter().position(|&x| x == v).unwrap_or(0);
             for k in [(here + 1) % 3, (here + 2) % 3] {
                 let pair = (wedges[here], wedges[k]);
-                match out.iter_mut().find(|n| n.position == corners[k]) {
-                    Some(n) => {
+                let known = match &mut index {
+                    None => out.iter().position(|n| n.position == corners[k]),
+                    Some(index) => {
+                        let at = *index.entry(corners[k]).or_insert(out.len());
+                        (at < out.len()).then_some(at)
+                    }
+                };
+                match known {
+                    Some(at) => {
+                        let n = &mut out[at];
                         n.triangles += 1;
                         n.seam |= n.wedges != pair;
                     }
@@ -99,17 +112,25 @@ impl Connectivity {
 
     /// True if collapsing `u` onto its neighbour `v` keeps the surface's topology, its boundaries and its seams: the link
     /// condition, and special edges collapse along themselves only.
-    pub(super) fn keeps_topology(&self, edge: &Neighbour, ring_u: &[Neighbour], ring_v: &[Neighbour]) -> bool {
+    pub(super) fn keeps_topology(&self, edge: &Neighbour, ring_u: &[Neighbour]) -> bool {
         let special = ring_u.iter().filter(|n| n.is_special()).count();
         if special != 0 && !(special == 2 && edge.is_special()) {
             return false;
         }
-        let common = ring_u.iter().filter(|a| ring_v.iter().any(|b| b.position == a.position)).count() as u32;
-        if common != edge.triangles {
+        let v = edge.position;
+        let at_v = |n: &&Neighbour| n.position != v && self.has_edge(n.position, v);
+        if ring_u.iter().filter(at_v).count() as u32 != edge.triangles {
             return false;
         }
         // A tetrahedron's link passes the count, yet it would fold onto itself.
-        !(special == 0 && ring_u.len() == 3 && ring_v.len() == 3)
+        !(special == 0 && ring_u.len() == 3 && self.live(v).take(4).count() == 3)
+    }
+
+    /// True if some triangle holds both, looked for around the one with fewer.
+    fn has_edge(&self, a: u32, b: u32) -> bool {
+        let fewer = self.incident[a as usize].len() <= self.incident[b as usize].len();
+        let (a, b) = if fewer { (a, b) } else { (b, a) };
+        self.live(a).any(|t| self.triangles[t as usize].contains(&b))
     }
 
     /// True if no triangle around `u`, moved to `to`, turns over; those that also hold `v` vanish.

@@ -2,6 +2,7 @@
 
 use super::channels::Channels;
 use super::header::{Block, BlockKind, Header, PREAMBLE_BYTES};
+use super::inflate_limit;
 use super::records::Model;
 use super::varint::{ReadError, Reader};
 use crate::{DecodeError, Decoder, Event, Place, Texture};
@@ -13,8 +14,6 @@ use std::collections::VecDeque;
 const PART_VERTICES: usize = 2048;
 /// Inflated bytes at a time.
 const INFLATE_BYTES: usize = 16 * 1024;
-/// Most inflated bytes a compressed one, over a block; real levels stay below 4, deflate could reach 1,032.
-const INFLATE_RATIO: u64 = 50;
 
 /// What of a level comes next.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -251,8 +250,8 @@ impl LevelState {
             let status = self.inflate.decompress_vec(bytes, &mut self.pending, FlushDecompress::None);
             let status = status.map_err(|e| format!("damaged data ({e})"))?;
             bytes = &bytes[(self.inflate.total_in() - before_in) as usize..];
-            if self.inflate.total_out() > (u64::from(block_bytes) + 64) * INFLATE_RATIO {
-                return Err(format!("it inflates to more than {INFLATE_RATIO} times its size"));
+            if self.inflate.total_out() > inflate_limit(u64::from(block_bytes)) {
+                return Err(format!("it inflates to more than {} bytes", inflate_limit(u64::from(block_bytes))));
             }
             self.read(to.again())?;
             let progress = self.inflate.total_out() > before_out || self.pending.len() < start;

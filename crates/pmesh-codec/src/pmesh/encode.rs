@@ -3,7 +3,7 @@
 use super::channels::{Channels, Quantisation};
 use super::header::{Block, BlockKind, Header};
 use super::records::{Model, Refinement};
-use super::{BLOCK_LIMIT, varint};
+use super::{BLOCK_LIMIT, inflate_limit, varint};
 use crate::{EncodeError, Texture};
 use flate2::{Compression, write::DeflateEncoder};
 use pmesh_core::{AttributeSet, CornerMove, Level};
@@ -112,9 +112,13 @@ fn block(kind: BlockKind, payload: &[u8]) -> Block {
 }
 
 fn deflate(bytes: &[u8]) -> Result<Vec<u8>, EncodeError> {
-    let mut encoder = DeflateEncoder::new(Vec::new(), Compression::best());
-    encoder.write_all(bytes)?;
-    Ok(encoder.finish()?)
+    let with = |level| {
+        let mut encoder = DeflateEncoder::new(Vec::new(), level);
+        encoder.write_all(bytes).and_then(|()| encoder.finish())
+    };
+    let small = with(Compression::best())?;
+    // What shrinks further than a decoder lets it grow (a triangle repeated a hundred thousand times) is stored as it is.
+    if bytes.len() as u64 > inflate_limit(small.len() as u64) { Ok(with(Compression::none())?) } else { Ok(small) }
 }
 
 /// Where a triangle of the stream lies in the file: its index there, and how far its corners are turned.

@@ -173,8 +173,12 @@ impl Header {
     pub fn info(&self, header_bytes: u64) -> StreamInfo {
         let mut entry = LevelEntry { end_byte: header_bytes, ..Default::default() };
         let mut levels = Vec::new();
+        let mut texture_end_byte = None;
         for b in &self.blocks {
             entry.end_byte += u64::from(b.byte_count);
+            if b.kind == BlockKind::Texture {
+                texture_end_byte = Some(entry.end_byte);
+            }
             if b.kind == BlockKind::Level {
                 entry.vertex_count += b.new_vertices;
                 entry.triangle_count += b.new_triangles;
@@ -189,6 +193,7 @@ impl Header {
             bounds: Some(self.bounds),
             file_id: Some(self.file_id),
             total_bytes: Some(entry.end_byte),
+            texture_end_byte,
             position_bits: self.grids.position_bits,
         }
     }

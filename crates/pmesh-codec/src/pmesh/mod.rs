@@ -18,5 +18,10 @@ pub use encode::{EncodeOptions, LevelStream, encode};
 pub const SIGNATURE: [u8; 8] = [0x89, b'P', b'M', b'S', b'H', 0x0d, 0x0a, 0x1a];
 /// The version written and the newest read.
 pub const VERSION: u8 = 0;
+/// Most bytes that a level block of `block_bytes` may inflate to. Real levels stay below 4 times; deflate could reach 1,032.
+fn inflate_limit(block_bytes: u64) -> u64 {
+    (block_bytes + 64) * 50
+}
+
 /// Most entries of the level table.
 pub const BLOCK_LIMIT: usize = 64;
