@@ -3,7 +3,7 @@
 
 use crate::arrays;
 use crate::camera::Orbit;
-use crate::error::{decode_error, mesh_error};
+use crate::error::{decode_error, error, mesh_error};
 use crate::events;
 use js_sys::{Array, Object};
 use pmesh_codec::{Arrival, DecodeError, LevelEntry, Receiver};
@@ -174,12 +174,15 @@ impl State {
         self.receiver.bytes()
     }
     pub(crate) fn is_whole(&self) -> bool {
-        self.finished || self.receiver.info().is_some_and(|i| i.total_bytes.is_some()) && self.may_end_here()
+        self.finished || self.total_bytes().is_some_and(|t| self.bytes() >= t)
+    }
+    /// Length of the stream, if the header says.
+    pub(crate) fn total_bytes(&self) -> Option<u64> {
+        self.receiver.info().and_then(|i| i.total_bytes)
     }
     /// False if the header says that more is to come.
     pub(crate) fn may_end_here(&self) -> bool {
-        let total = self.receiver.info().and_then(|i| i.total_bytes);
-        total.is_none_or(|t| self.bytes() >= t)
+        self.total_bytes().is_none_or(|t| self.bytes() >= t)
     }
     fn table(&self) -> Option<&[LevelEntry]> {
         self.receiver.info()?.levels.as_deref()
@@ -254,12 +257,19 @@ impl Model {
         events.unchecked_into()
     }
 
-    /// Appends a level that the page made itself. Throws if it does not fit; the mesh is then as it was.
+    /// Appends a level that the page made itself. Throws if it does not fit, or if the model is read from a stream; the mesh
+    /// is then as it was.
     #[wasm_bindgen(js_name = addLevel)]
     pub fn add_level(&self, level: &LevelData) -> Result<ModelEvent, JsValue> {
         let level = arrays::level(level)?;
         let mut state = self.get_mut();
-        if state.receiver.bytes() == 0 && state.levels_added == 0 {
+        if state.receiver.bytes() > 0 {
+            return Err(error(
+                "bad-level",
+                "this model is read from a stream: levels of the page's own need a model of their own",
+            ));
+        }
+        if state.levels_added == 0 {
             *state.receiver.mesh_mut() = ProgressiveMultilevelMesh::new(level.vertices.set());
         }
         let change = state.receiver.mesh_mut().add_level(&level).map_err(|e| mesh_error(&e))?;
@@ -352,7 +362,7 @@ impl Model {
         let state = self.get();
         let count = state.mesh().level_count();
         let within = |level: &u32| match state.table() {
-            Some(table) => f64::from(table[(count - 1 - level) as usize].triangle_count) <= triangles,
+            Some(table) => table.get((count - 1 - level) as usize).is_some_and(|l| f64::from(l.triangle_count) <= triangles),
             None => state.mesh().triangle_count(*level).is_ok_and(|t| f64::from(t) <= triangles),
         };
         (0..count).find(within).unwrap_or(count.saturating_sub(1))

@@ -5,7 +5,7 @@
 use crate::error::{decode_error, error};
 use crate::model::{Model, ModelEvents};
 use gloo_net::http::{Request, Response};
-use js_sys::{Array, Function, Promise, Reflect, Uint8Array};
+use js_sys::{Function, Promise, Reflect, Uint8Array};
 use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::JsFuture;
 
@@ -32,6 +32,10 @@ impl Model {
     /// CORS preflight.
     pub async fn resume(&self, url: &str, signal: Option<web_sys::AbortSignal>, on_events: &Function) -> Result<(), JsValue> {
         let from = self.state.borrow().bytes();
+        if self.state.borrow().is_whole() {
+            // Stopped after the last byte: nothing is left to ask for.
+            return self.end(on_events);
+        }
         let mut request = Request::get(url).abort_signal(signal.as_ref());
         if from > 0 {
             request = request.header("Range", &format!("bytes={from}-"));
@@ -72,6 +76,10 @@ impl Model {
             // The decoder is still whole: `resume` can go on.
             return Err(error("network", "the connection ended before the file did"));
         }
+        self.end(on_events)
+    }
+
+    fn end(&self, on_events: &Function) -> Result<(), JsValue> {
         let finished = self.state.borrow_mut().finish();
         self.tell(on_events)?;
         finished.map_err(|e| decode_error(&e))
@@ -83,6 +91,10 @@ impl Model {
         match response.status() {
             206 => {
                 let range = response.headers().get("content-range").unwrap_or_default();
+                let total = range.rsplit('/').next().and_then(|t| t.parse::<u64>().ok());
+                if total.is_some_and(|t| self.state.borrow().total_bytes().is_some_and(|known| known != t)) {
+                    return Err(error("http", "the file has changed on the server since its first part was read: load it again"));
+                }
                 let start = range.strip_prefix("bytes ").and_then(|r| r.split('-').next()?.parse::<u64>().ok());
                 // Across origins the header may be hidden; the checksums tell then.
                 match start {
@@ -106,12 +118,10 @@ impl Model {
         pushed.map_err(|e| decode_error(&e))
     }
 
-    /// Calls the page with what has arrived, nothing being borrowed.
+    /// Calls the page with what has arrived, which may be no event but bytes; nothing is borrowed meanwhile.
     fn tell(&self, on_events: &Function) -> Result<(), JsValue> {
         let events: ModelEvents = self.take_events();
-        if events.unchecked_ref::<Array>().length() > 0 {
-            on_events.call1(&JsValue::NULL, &events)?;
-        }
+        on_events.call1(&JsValue::NULL, &events)?;
         Ok(())
     }
 }

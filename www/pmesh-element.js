@@ -4,6 +4,8 @@ import { OrbitCamera, attachControls } from "./pmesh-controls.js";
 import { PMeshLoader } from "./pmesh-loader.js";
 import * as runtime from "./pmesh-runtime.js";
 
+export { OrbitCamera };
+
 const TEMPLATE = document.createElement("template");
 TEMPLATE.innerHTML = `<style>
 :host { display: inline-block; position: relative; width: 300px; height: 300px; contain: content; }
@@ -28,6 +30,8 @@ canvas:focus-visible { outline: 2px solid Highlight; outline-offset: -2px; }
 
 /** Seconds in which a new level is morphed in. */
 const MORPH_SECONDS = 0.3;
+/** Largest side of a picture, device pixels. */
+const MAX_PIXELS = 4096;
 /** Radians a second of auto-rotate. */
 const ROTATE_SPEED = 0.5;
 
@@ -39,8 +43,10 @@ const ROTATE_SPEED = 0.5;
  * @attr {string} src - URL of a .pmesh, .lod or .lod.gz file. Changing it aborts the download before.
  * @attr {number} level - Level of detail to show: 0 is the finest, fractions morph. Without it the newest shows.
  *   Kept until it has arrived; the nearest that is there shows meanwhile. Downloading stops once it is reached.
- * @attr {number} max-triangles - Show, and download, no level of more triangles than this (the coarsest is always shown).
- * @attr {number} auto-level - Pixels of geometric error allowed: levels finer than that are neither shown nor downloaded.
+ * @attr {number} max-triangles - Show, and download, no level of more triangles than this, whatever level asks for (the
+ *   coarsest is always shown). Text streams announce no sizes: of them all is downloaded.
+ * @attr {number} auto-level - Pixels of geometric error allowed: levels finer than that are neither shown nor downloaded,
+ *   unless level asks for one.
  * @attr {boolean} camera-controls - Turn and zoom by mouse, touch, wheel and keyboard (arrows, + and -, Home).
  * @attr {boolean} auto-rotate - Turn slowly; not under prefers-reduced-motion.
  * @attr {boolean} wireframe - Draw the edges over the faces.
@@ -63,7 +69,8 @@ const ROTATE_SPEED = 0.5;
  *   size on screen; Infinity by default.
  *
  * @method setLevel - setLevel(level: number|null): as the level property; throws a RangeError if it is not a number.
- * @method addLevel - addLevel(data: LevelData): Promise<LevelReady>: appends a level that the page made; needs no src.
+ * @method addLevel - addLevel(data: LevelData): Promise<LevelReady>: appends a level that the page made, to an element
+ *   without src.
  * @method update - Shows levels whose levelready event was canceled.
  * @method pause - Stops downloading; what is there stays.
  * @method play - Goes on downloading where it stopped.
@@ -76,7 +83,8 @@ const ROTATE_SPEED = 0.5;
  * @fires progress - Bytes arrived: detail has bytes and totalBytes (or null). At most once a frame.
  * @fires load - Every byte has arrived.
  * @fires error - Loading or drawing failed: detail has code and message. What had arrived stays. Codes: http, network,
- *   gpu, and a decoder's: unknown-format, newer-version, syntax, truncated, checksum, limit, invalid-mesh.
+ *   gpu, too-large (for a texture of this GPU), bad-image, internal, and a decoder's: unknown-format, newer-version, syntax,
+ *   truncated, checksum, limit, invalid-mesh.
  *
  * @cssprop --pmesh-color - Colour of models that have none.
  * @csspart canvas - The picture.
@@ -106,12 +114,16 @@ export class PMeshElement extends HTMLElement {
   #controls = null;
   #resizes;
   #intersections;
-  #near = false;
+  /** On screen or within 300 pixels of it. */
   #visible = false;
   #paused = false;
   #started = false;
   /** Finest step that may be shown: levels whose levelready was canceled wait for update(). */
   #allowedStep = -1;
+  /** Finest step whose levelready has been dispatched. */
+  #announcedStep = -1;
+  /** Finest step whose geometry is on the GPU. */
+  #readyStep = 0;
   /** Step drawn now, fractional while it morphs. */
   #shownStep = -1;
   #drawnLevel = null;
@@ -130,7 +142,7 @@ export class PMeshElement extends HTMLElement {
     this.#root.append(TEMPLATE.content.cloneNode(true));
     this.#canvas = this.#part("canvas");
     this.#context = this.#canvas.getContext("2d");
-    this.#resizes = new ResizeObserver(() => this.requestRender());
+    this.#resizes = new ResizeObserver(() => this.#shareBudget());
     this.#intersections = new IntersectionObserver((entries) => this.#intersected(entries.at(-1)), { rootMargin: "300px" });
   }
 
@@ -160,8 +172,9 @@ export class PMeshElement extends HTMLElement {
   disconnectedCallback() {
     this.#resizes.disconnect();
     this.#intersections.disconnect();
-    this.#near = this.#visible = false;
+    this.#visible = this.#intersectionKnown = false;
     runtime.removeClient(this);
+    this.#shareBudget();
     this.#loader?.stop();
     // An element that is only moved to another place keeps what the GPU has.
     queueMicrotask(() => {
@@ -172,6 +185,7 @@ export class PMeshElement extends HTMLElement {
   #release() {
     const model = this.#loader?.model;
     this.#imageGeneration = -1;
+    this.#readyStep = 0;
     if (model) runtime.getRenderer().then((renderer) => renderer.release(model), () => {});
   }
 
@@ -180,7 +194,7 @@ export class PMeshElement extends HTMLElement {
     switch (name) {
       case "src":
         this.#reset();
-        if (this.isConnected && (this.loading !== "lazy" || this.#near)) this.#start();
+        if (this.isConnected && (this.loading !== "lazy" || this.#visible)) this.#start();
         break;
       case "level": case "max-triangles": case "auto-level":
         this.#checkNumber(name, now);
@@ -191,7 +205,7 @@ export class PMeshElement extends HTMLElement {
         this.#controls = null;
         if (now !== null) {
           this.#controls = new AbortController();
-          attachControls(this.#canvas, this.camera, () => this.#cameraMoved(), this.#controls.signal);
+          attachControls(this.#canvas, this.camera, () => this.requestRender(), this.#controls.signal);
         }
         this.#describe();
         break;
@@ -260,7 +274,8 @@ export class PMeshElement extends HTMLElement {
     this.#loader?.dispose();
     this.#loader = null;
     this.#started = false;
-    this.#allowedStep = this.#shownStep = -1;
+    this.#allowedStep = this.#announcedStep = this.#shownStep = -1;
+    this.#readyStep = 0;
     this.#drawnLevel = null;
     this.#image = this.#lastError = null;
     this.#part(".frame").classList.remove("shown");
@@ -271,6 +286,7 @@ export class PMeshElement extends HTMLElement {
       events: (events) => this.#loader === loader && this.#arrived(events),
       done: () => {
         if (this.#loader !== loader) return;
+        this.#sayProgress();
         this.#say(`${this.alt || "Model"}: complete`);
         this.dispatchEvent(new CustomEvent("load"));
       },
@@ -302,7 +318,10 @@ export class PMeshElement extends HTMLElement {
   }
 
   #arrived(events) {
+    const loader = this.#loader;
     for (const event of events) {
+      // A listener may have changed src.
+      if (this.#loader !== loader) return;
       if (event.type === "level") this.#levelReady(event);
       else if (event.type === "texture") this.#decodeImage(event);
       else if (event.type === "warning") this.#report(event.text);
@@ -313,14 +332,17 @@ export class PMeshElement extends HTMLElement {
   }
 
   #levelReady(detail) {
+    this.#announcedStep = detail.step;
     const go = this.dispatchEvent(new CustomEvent("levelready", { detail, cancelable: true }));
     // Once one is held back, later ones wait with it: levels show in order.
     if (go && this.#allowedStep === detail.step - 1) this.#allowedStep = detail.step;
   }
 
   async #decodeImage({ mime, bytes }) {
+    const loader = this.#loader;
     try {
       const bitmap = await createImageBitmap(new Blob([bytes], { type: mime }));
+      if (this.#loader !== loader) return;
       const scale = Math.min(1, 4096 / Math.max(bitmap.width, bitmap.height));
       const [width, height] = [bitmap.width, bitmap.height].map((n) => Math.max(1, Math.round(n * scale)));
       const context = new OffscreenCanvas(width, height).getContext("2d");
@@ -336,13 +358,11 @@ export class PMeshElement extends HTMLElement {
   /** Level that is wanted now: the page's, or the coarsest that satisfies what limits there are. */
   #wantedLevel() {
     const model = this.#loader?.model;
-    const asked = this.level;
-    if (asked !== null) return Math.max(0, asked);
-    if (!model) return 0;
-    let level = 0;
+    let level = Math.max(0, this.level ?? 0);
+    if (!model) return level;
     const limit = Math.min(this.maxTriangles ?? Infinity, runtime.budgetShare(this));
     if (limit < Infinity) level = Math.max(level, model.levelForTriangles(limit));
-    if (this.autoLevel !== null) level = Math.max(level, model.levelForPixels(this.autoLevel, this.#view()));
+    if (this.autoLevel !== null && this.level === null) level = Math.max(level, model.levelForPixels(this.autoLevel, this.#view()));
     return level;
   }
 
@@ -351,10 +371,12 @@ export class PMeshElement extends HTMLElement {
     const loader = this.#loader;
     if (!loader || !this.isConnected) return;
     const model = loader.model;
+    const info = model?.info;
     const enough =
-      model?.info?.levels && !model.isWhole && model.arrivedLevels > 0 && model.finestLevel <= this.#wantedLevel();
+      info?.levels && !model.isWhole && model.arrivedLevels > 0 && model.finestLevel <= this.#wantedLevel() &&
+      model.bytes >= (info.textureEndByte ?? 0);
     // Until the first report of the observer an element counts as near.
-    const hidden = this.#visible === false && this.#near === false && this.#intersectionKnown;
+    const hidden = !this.#visible && this.#intersectionKnown;
     if (this.#paused || enough || hidden) loader.stop();
     else loader.start();
   }
@@ -362,9 +384,13 @@ export class PMeshElement extends HTMLElement {
 
   #intersected(entry) {
     this.#intersectionKnown = true;
-    this.#near = entry.isIntersecting;
     this.#visible = entry.isIntersecting;
-    if (this.#near) this.#start();
+    if (this.#visible) this.#start();
+    this.#shareBudget();
+  }
+
+  /** Tells all elements that one of them takes another part of the screen. */
+  #shareBudget() {
     for (const client of runtime.allClients()) client.budgetChanged();
     this.requestRender();
   }
@@ -381,28 +407,30 @@ export class PMeshElement extends HTMLElement {
   }
   rendererRestored() {
     this.#imageGeneration = -1;
+    this.#readyStep = 0;
     this.requestRender();
   }
 
   frame(time) {
     if (!this.isConnected) return;
-    if (this.#progressDue) {
-      this.#progressDue = false;
-      const totalBytes = this.info?.totalBytes ?? null;
-      this.dispatchEvent(new CustomEvent("progress", { detail: { bytes: this.bytes, totalBytes } }));
-    }
+    // Size and camera may have changed what is wanted.
+    this.#reconsider();
+    this.#sayProgress();
     this.#draw(time);
+  }
+  #sayProgress() {
+    if (!this.#progressDue) return;
+    this.#progressDue = false;
+    const totalBytes = this.info?.totalBytes ?? null;
+    this.dispatchEvent(new CustomEvent("progress", { detail: { bytes: this.bytes, totalBytes } }));
   }
 
   // ---- drawing
 
-  #cameraMoved() {
-    if (this.autoLevel !== null) this.#reconsider();
-    this.requestRender();
-  }
-
   #view() {
-    const ratio = window.devicePixelRatio || 1;
+    // Larger pictures than every GPU can draw are drawn smaller and stretched.
+    const largest = Math.max(this.clientWidth, this.clientHeight, 1);
+    const ratio = Math.min(window.devicePixelRatio || 1, MAX_PIXELS / largest);
     const width = Math.max(1, Math.round(this.clientWidth * ratio));
     const height = Math.max(1, Math.round(this.clientHeight * ratio));
     const { yaw, pitch, zoom } = this.camera;
@@ -413,7 +441,9 @@ export class PMeshElement extends HTMLElement {
   #morph(seconds) {
     const model = this.#loader.model;
     const count = model.levelCount;
-    const newest = Math.min(this.#allowedStep, model.arrivedLevels - 1);
+    // What is not on the GPU yet is not morphed to, or the morph would be over when it gets there.
+    const ready = Math.max(this.#readyStep, Math.ceil(this.#shownStep));
+    const newest = Math.min(this.#allowedStep, model.arrivedLevels - 1, ready);
     const wanted = Math.max(0, Math.min(newest, count - 1 - this.#wantedLevel()));
     const still = this.level !== null || this.#shownStep < 0 || matchMedia("(prefers-reduced-motion: reduce)").matches;
     if (still) {
@@ -457,8 +487,10 @@ export class PMeshElement extends HTMLElement {
     }
     if (!result) return;
     this.#frameMs = performance.now() - started;
+    const morphOn = result.readyLevels - 1 > this.#readyStep;
+    this.#readyStep = Math.max(0, result.readyLevels - 1);
     if (result.level >= 0) this.#drawn(result, renderer);
-    if (moving || turning || !result.complete) this.requestRender();
+    if (moving || turning || morphOn || !result.complete) this.requestRender();
   }
 
   #options(model) {
@@ -538,6 +570,9 @@ export class PMeshElement extends HTMLElement {
 
   async addLevel(data) {
     await runtime.loadModule();
+    if (this.getAttribute("src")) {
+      throw Object.assign(new Error("an element with src plays its stream: add levels to one without"), { code: "bad-level" });
+    }
     const loader = this.#loader ?? this.#makeLoader(null);
     const event = (await loader.emptyModel()).addLevel(data);
     this.#arrived([event]);
@@ -545,7 +580,7 @@ export class PMeshElement extends HTMLElement {
   }
 
   update() {
-    this.#allowedStep = Math.max(this.#allowedStep, (this.#loader?.model?.arrivedLevels ?? 0) - 1);
+    this.#allowedStep = this.#announcedStep;
     this.requestRender();
   }
   pause() {

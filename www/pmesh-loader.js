@@ -18,7 +18,7 @@ export class PMeshLoader {
   #answered = false;
   #timer = 0;
 
-  /** `to` has events(list), done() and failed(error). `src` may be null for a model that the page makes. */
+  /** `to` has events(list), called as bytes arrive, done() and failed(error). `src` may be null for a model that the page makes. */
   constructor(src, to) {
     this.#src = src;
     this.#to = to;
@@ -67,6 +67,7 @@ export class PMeshLoader {
     const { signal } = abort;
     const tell = (events) => {
       if (signal.aborted) return;
+      this.#answered = true;
       this.#tries = 0;
       this.#to.events(events);
     };

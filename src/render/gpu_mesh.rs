@@ -50,6 +50,8 @@ pub(super) struct GpuMesh {
     uploaded_vertices: u32,
     uploaded_corners: usize,
     normals: Option<NormalAccumulator>,
+    /// Computed normals as uploaded, for when the textures are replaced by larger ones.
+    packed_normals: Vec<u32>,
     /// Levels whose normals are uploaded.
     normal_levels: u32,
     ready: u32,
@@ -83,6 +85,7 @@ impl GpuMesh {
             uploaded_vertices: 0,
             uploaded_corners: 0,
             normals: None,
+            packed_normals: Vec::new(),
             normal_levels: 0,
             ready: 0,
             complete: false,
@@ -137,8 +140,8 @@ impl GpuMesh {
         (self.given_normals, self.has_texcoords) = (set.normals, set.texcoords);
         // What is complete when the slice begins is what it can make ready.
         let levels = mesh.arrived_levels();
-        self.reserve(up, mesh.vertices().len() as u32, mesh.triangles().len() * 3)?;
-        let mut spent = self.upload_vertices(up, state);
+        let mut spent = self.reserve(up, state)?;
+        spent += self.upload_vertices(up, state);
         if spent < UPLOAD_BUDGET {
             spent += self.upload_corners(up, state, UPLOAD_BUDGET - spent);
         }
@@ -160,7 +163,9 @@ impl GpuMesh {
     }
 
     /// Grows textures and index buffer by doubling; what they held is uploaded again.
-    fn reserve(&mut self, up: &Uploader, vertices: u32, corners: usize) -> Result<(), JsValue> {
+    fn reserve(&mut self, up: &Uploader, state: &State) -> Result<u64, JsValue> {
+        let (vertices, corners) = (state.mesh().vertices().len() as u32, state.mesh().triangles().len() * 3);
+        let mut spent = 0;
         self.row = ROW_TEXELS.min(up.texture_side);
         let rows = vertices.div_ceil(self.row).max(1);
         if rows > up.texture_side {
@@ -173,19 +178,27 @@ impl GpuMesh {
         if self.textures.as_ref().is_none_or(|t| t.rows < rows) {
             let rows = rows.next_power_of_two().min(up.texture_side);
             self.textures = Some(Textures::new(up.device, self.row, rows, self.has_texcoords));
-            self.uploaded_vertices = 0;
-            self.normal_levels = 0;
-            self.normals = None;
             self.bind(up.device, up.pipelines);
+            // What was drawn must still be there in this frame: it goes up again at once.
+            let before = std::mem::take(&mut self.uploaded_vertices);
+            while self.uploaded_vertices < before {
+                spent += self.upload_vertices(up, state);
+            }
+            if let Some(t) = self.textures.as_ref().filter(|_| !self.given_normals) {
+                spent += self.write(up, &t.normals, 0, 1, self.packed_normals.iter().copied());
+            }
         }
         if self.indices.is_none() || self.index_capacity < corners {
             self.index_capacity = corners.next_power_of_two().max(3 * PAGE);
             // WebGL wants index buffers to be nothing else.
             self.indices = Some(buffer(up.device, self.index_capacity as u64 * 4, wgpu::BufferUsages::INDEX));
-            self.uploaded_corners = 0;
+            let before = std::mem::take(&mut self.uploaded_corners);
+            while self.uploaded_corners < before {
+                spent += self.upload_corners(up, state, UPLOAD_BUDGET);
+            }
         }
         self.dirty_pages.resize(corners.div_ceil(PAGE).max(self.dirty_pages.len()), false);
-        Ok(())
+        Ok(spent)
     }
 
     fn bind(&mut self, device: &wgpu::Device, pipelines: &Pipelines) {
@@ -261,6 +274,7 @@ impl GpuMesh {
             let bytes: Vec<u8> = corners[from..to].iter().flat_map(|v| v.to_le_bytes()).collect();
             up.queue.write_buffer(indices, from as u64 * 4, &bytes);
             spent += bytes.len() as u64;
+            self.lines = None;
             spent < budget
         };
         // Old pages that changed, in runs.
@@ -286,7 +300,6 @@ impl GpuMesh {
                 break;
             }
         }
-        self.lines = None;
         spent
     }
 
@@ -311,8 +324,9 @@ impl GpuMesh {
         }
         let normals = self.normals.take().map(|s| s.finish(mesh.seams())).unwrap_or_default();
         self.normal_levels = levels;
+        self.packed_normals = normals.into_iter().map(texels::normal).collect();
         match &self.textures {
-            Some(t) => self.write(up, &t.normals, 0, 1, normals.iter().map(|&n| texels::normal(n))),
+            Some(t) => self.write(up, &t.normals, 0, 1, self.packed_normals.iter().copied()),
             None => 0,
         }
     }

@@ -35,6 +35,8 @@ export interface DrawOptions extends ViewOptions {
 export interface DrawResult {
   /** False while geometry still waits for its turn to be uploaded: draw again. */
   complete: boolean;
+  /** Levels, from the coarsest, whose geometry is on the GPU. */
+  readyLevels: number;
   /** Level drawn; -1 if none was ready. */
   level: number;
   triangles: number;
@@ -165,7 +167,12 @@ impl Renderer {
         };
         self.queue.write_buffer(gpu.uniforms(), 0, &uniforms.to_bytes());
         self.paint(gpu, prefix.triangle_count, options, (width, height))?;
-        Ok(result(gpu.is_complete(), if gpu.ready_levels() > 0 { level } else { -1.0 }, prefix.triangle_count))
+        Ok(result(
+            gpu.is_complete(),
+            gpu.ready_levels(),
+            if gpu.ready_levels() > 0 { level } else { -1.0 },
+            prefix.triangle_count,
+        ))
     }
 
     fn paint(&self, gpu: &GpuMesh, triangles: u32, options: &DrawOptions, size: (u32, u32)) -> Result<(), JsValue> {
@@ -199,9 +206,10 @@ fn color(values: &[f64], default: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|k| values.get(k).map_or(default[k], |x| *x as f32))
 }
 
-fn result(complete: bool, level: f64, triangles: u32) -> DrawResult {
+fn result(complete: bool, ready: u32, level: f64, triangles: u32) -> DrawResult {
     let object = js_sys::Object::new();
     crate::arrays::set(&object, "complete", complete);
+    crate::arrays::set(&object, "readyLevels", ready);
     crate::arrays::set(&object, "level", level);
     crate::arrays::set(&object, "triangles", triangles);
     JsValue::from(object).unchecked_into()
