@@ -180,10 +180,6 @@ impl State {
     pub(crate) fn total_bytes(&self) -> Option<u64> {
         self.receiver.info().and_then(|i| i.total_bytes)
     }
-    /// False if the header says that more is to come.
-    pub(crate) fn may_end_here(&self) -> bool {
-        self.total_bytes().is_none_or(|t| self.bytes() >= t)
-    }
     fn table(&self) -> Option<&[LevelEntry]> {
         self.receiver.info()?.levels.as_deref()
     }

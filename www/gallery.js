@@ -23,7 +23,7 @@ function addCard(url, title, what, first = false) {
   card.innerHTML = `<h2></h2><p class="what"></p><p-mesh camera-controls></p-mesh>
     <progress max="1" value="0"></progress>
     <div class="row"><button type="button" class="stream">Pause</button>
-    <input type="range" class="slider" min="0" max="1" step="0.01" value="0" aria-label="Level of detail">
+    <input type="range" class="slider" min="0" max="1" step="0.05" value="0" aria-label="Level of detail">
     <button type="button" class="newest">newest</button></div>
     <div class="level"></div><pre></pre>`;
   card.querySelector("h2").textContent = title;
@@ -32,7 +32,12 @@ function addCard(url, title, what, first = false) {
   const [bar, slider, level] = ["progress", ".slider", ".level"].map((s) => card.querySelector(s));
   const stream = card.querySelector(".stream");
   mesh.alt = title;
-  const file = url.startsWith("blob:") ? "your-model.pmesh" : url.split("/").at(-1);
+  const file = url.startsWith("blob:") ? "your-model.pmesh" : url;
+  if (url.startsWith("blob:")) {
+    const save = Object.assign(document.createElement("a"), { href: url, textContent: "Save the stream" });
+    save.download = /\.(pmesh|lod|gz)$/i.test(title) ? title : `${title.replace(/\.[^.]*$/, "")}.pmesh`;
+    card.querySelector(".what").append(" · ", save);
+  }
   const showTag = () => {
     const chosen = mesh.level === null ? "" : ` level="${mesh.level}"`;
     card.querySelector("pre").textContent = `<p-mesh src="${file}" alt="${title}" camera-controls${chosen}></p-mesh>`;
@@ -72,6 +77,7 @@ function addCard(url, title, what, first = false) {
   });
   const start = () => {
     bar.value = 0;
+    level.textContent = "";
     paused = false;
     mesh.play();
     Object.assign(stream, { disabled: false, textContent: "Pause" });
@@ -101,7 +107,7 @@ byId("budget").addEventListener("change", ({ target }) => {
 
 function showOwn(bytes, name) {
   const url = URL.createObjectURL(new Blob([bytes]));
-  const card = addCard(url, name, `${bytes.byteLength.toLocaleString("en")} bytes as .pmesh`, true);
+  const card = addCard(url, name, `${bytes.byteLength.toLocaleString("en")} bytes`, true);
   card.scrollIntoView({ behavior: "smooth", block: "nearest" });
 }
 
@@ -148,4 +154,4 @@ drop.addEventListener("keydown", (event) => {
 
 for (const [url, title, what] of SAMPLES) addCard(url, title, what);
 const own = await fetch("models/index.json").then((r) => (r.ok ? r.json() : []), () => []);
-for (const name of own.toReversed()) addCard(`models/${name}`, name.replace(/\.pmesh$/, ""), "encoded by cargo xtask demo", true);
+for (const name of own.toReversed()) addCard(`models/${name}`, name.replace(/^\d+-|\.pmesh$/g, ""), "encoded by cargo xtask demo", true);

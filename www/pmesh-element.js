@@ -18,6 +18,8 @@ canvas:focus-visible { outline: 2px solid Highlight; outline-offset: -2px; }
 .shown .poster, .shown .fallback { display: none; }
 .debug { position: absolute; left: 0; top: 0; margin: 6px; padding: 4px 8px; font: 11px/1.45 ui-monospace, monospace;
   background: rgb(10 16 24 / 72%); color: #e8eef4; border-radius: 4px; pointer-events: none; white-space: pre; }
+.message { position: absolute; inset: auto 8px 8px; margin: 0; font: 13px/1.4 system-ui, sans-serif; color: GrayText; pointer-events: none; }
+.shown .message { display: none; }
 .status { position: absolute; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%); }
 </style>
 <div class="frame">
@@ -25,6 +27,7 @@ canvas:focus-visible { outline: 2px solid Highlight; outline-offset: -2px; }
   <img class="poster" part="poster" alt="" hidden>
   <canvas part="canvas" width="1" height="1"></canvas>
   <pre class="debug" part="debug" hidden></pre>
+  <p class="message" part="message"></p>
   <span class="status" role="status"></span>
 </div>`;
 
@@ -74,7 +77,7 @@ const ROTATE_SPEED = 0.5;
  * @method update - Shows levels whose levelready event was canceled.
  * @method pause - Stops downloading; what is there stays.
  * @method play - Goes on downloading where it stopped.
- * @method toBlob - toBlob(type = "image/png", quality?): Promise<Blob>: the picture.
+ * @method toBlob - toBlob(type = "image/png", quality?): Promise<Blob>: the picture, once it is complete.
  * @method requestRender - Draws again in the next frame.
  *
  * @fires levelready - Once for each level, in order, when it has arrived: detail has step, level, levelCount (or null),
@@ -82,7 +85,8 @@ const ROTATE_SPEED = 0.5;
  * @fires levelchange - The level drawn is another: detail has level and triangles.
  * @fires progress - Bytes arrived: detail has bytes and totalBytes (or null). At most once a frame.
  * @fires load - Every byte has arrived.
- * @fires error - Loading or drawing failed: detail has code and message. What had arrived stays. Codes: http, network,
+ * @fires error - Loading or drawing failed: detail has code and message. What had arrived stays; where nothing had, the
+ *   message shows. Canceled (preventDefault), it is not reported on the console. Codes: http, network,
  *   gpu, too-large (for a texture of this GPU), bad-image, internal, and a decoder's: unknown-format, newer-version, syntax,
  *   truncated, checksum, limit, invalid-mesh.
  *
@@ -90,6 +94,7 @@ const ROTATE_SPEED = 0.5;
  * @csspart canvas - The picture.
  * @csspart poster - The poster image.
  * @csspart debug - The debug overlay.
+ * @csspart message - What went wrong, where nothing can be shown.
  * @slot - What to show until the first picture, and where the model cannot be shown.
  */
 export class PMeshElement extends HTMLElement {
@@ -132,13 +137,15 @@ export class PMeshElement extends HTMLElement {
   #drawing = false;
   #progressDue = false;
   #lastError = null;
+  /** Resolved at the next picture that is complete. */
+  #settling = [];
   #background = [0, 0, 0, 0];
   #imageGeneration = -1;
   #image = null;
 
   constructor() {
     super();
-    this.#root = this.attachShadow({ mode: "open" });
+    this.#root = this.attachShadow({ mode: "open", delegatesFocus: true });
     this.#root.append(TEMPLATE.content.cloneNode(true));
     this.#canvas = this.#part("canvas");
     this.#context = this.#canvas.getContext("2d");
@@ -278,6 +285,7 @@ export class PMeshElement extends HTMLElement {
     this.#readyStep = 0;
     this.#drawnLevel = null;
     this.#image = this.#lastError = null;
+    this.#part(".message").textContent = "";
     this.#part(".frame").classList.remove("shown");
   }
 
@@ -314,7 +322,9 @@ export class PMeshElement extends HTMLElement {
     if (this.#lastError === message) return;
     this.#lastError = message;
     this.#say(`${this.alt || "Model"}: ${message}`);
-    this.dispatchEvent(new CustomEvent("error", { detail: { code, message } }));
+    this.#part(".message").textContent = `${this.alt || "3D model"}: ${message}`;
+    const unheard = this.dispatchEvent(new CustomEvent("error", { detail: { code, message }, cancelable: true }));
+    if (unheard) this.#report(`${this.getAttribute("src") ?? "a model"}: ${message}`);
   }
 
   #arrived(events) {
@@ -490,7 +500,12 @@ export class PMeshElement extends HTMLElement {
     const morphOn = result.readyLevels - 1 > this.#readyStep;
     this.#readyStep = Math.max(0, result.readyLevels - 1);
     if (result.level >= 0) this.#drawn(result, renderer);
-    if (moving || turning || morphOn || !result.complete) this.requestRender();
+    if (moving || morphOn || !result.complete) {
+      this.requestRender();
+      return;
+    }
+    this.#settling.splice(0).forEach((resolve) => resolve());
+    if (turning) this.requestRender();
   }
 
   #options(model) {
@@ -592,7 +607,14 @@ export class PMeshElement extends HTMLElement {
     this.#reconsider();
   }
 
-  toBlob(type = "image/png", quality = undefined) {
+  async toBlob(type = "image/png", quality = undefined) {
+    if (this.#allowedStep >= 0 && this.#visible) {
+      // The next picture with nothing on its way.
+      await new Promise((resolve) => {
+        this.#settling.push(resolve);
+        this.requestRender();
+      });
+    }
     return new Promise((resolve, reject) => {
       const done = (blob) => (blob ? resolve(blob) : reject(new Error(`the browser cannot write ${type}`)));
       this.#canvas.toBlob(done, type, quality);

@@ -120,7 +120,7 @@ fn order_vertices(forest: &Forest) -> Vec<u32> {
 /// (level, triangle in new indices) of each triangle.
 fn level_triangles(mesh: &IndexedMesh, forest: &Forest, new: &[u32]) -> Vec<(u32, [u32; 3])> {
     let duplicate = find_duplicates(&mesh.triangles);
-    let level = |i: usize, t: &[u32; 3]| if duplicate[i] { 0 } else { triangle_level(forest, *t) };
+    let level = |i: usize, t: &[u32; 3]| if duplicate[i] { 0 } else { triangle_level(forest, *t).0 };
     mesh.triangles.iter().enumerate().map(|(i, t)| (level(i, t), t.map(|v| new[v as usize]))).collect()
 }
 
@@ -140,26 +140,26 @@ pub fn turned([a, b, c]: [u32; 3]) -> [u32; 3] {
     [a, b, c].min([b, c, a]).min([c, a, b])
 }
 
-/// The coarsest level at which the three corners, each at its representative, are distinct.
-fn triangle_level(forest: &Forest, mut t: [u32; 3]) -> u32 {
+/// The coarsest level at which the three corners, each at its representative, are distinct, and those representatives;
+/// 0 and the corners themselves for an index-degenerate triangle.
+pub(crate) fn triangle_level(forest: &Forest, mut t: [u32; 3]) -> (u32, [u32; 3]) {
     let distinct = |[a, b, c]: [u32; 3]| a != b && b != c && c != a;
     if !distinct(t) {
-        return 0;
+        return (0, t);
     }
     loop {
         let levels = t.map(|v| forest.levels[v as usize]);
         let lowest = levels[0].min(levels[1]).min(levels[2]);
+        let mut coarser = t;
         for k in 0..3 {
             if levels[k] == lowest {
-                t[k] = forest.parents[t[k] as usize];
-                if t[k] == NO_REPRESENTATIVE {
-                    return lowest;
-                }
+                coarser[k] = forest.parents[t[k] as usize];
             }
         }
-        if !distinct(t) {
-            return lowest;
+        if coarser.contains(&NO_REPRESENTATIVE) || !distinct(coarser) {
+            return (lowest, t);
         }
+        t = coarser;
     }
 }
 

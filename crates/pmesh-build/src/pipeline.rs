@@ -1,6 +1,6 @@
 //! A mesh to its levels: collapse, cut the list where counts grow by a factor, arrange. What `pmesh encode` does.
 
-use crate::arrange::{Forest, arrange};
+use crate::arrange::{Forest, arrange, triangle_level};
 use crate::cluster::with_moves;
 use crate::import::Model;
 use crate::simplify::{Collapses, Placement, SimplifyOptions, simplify};
@@ -134,24 +134,16 @@ fn by_cost(mesh: &IndexedMesh, collapses: &Collapses, cuts: &[usize]) -> (Forest
         }
         first_pair = step.pairs_end as usize;
     }
-    // A root without triangles comes with its first children, or with the last level if it has none: it would only be
-    // seen as a point.
-    let mut in_base = vec![false; n];
-    let root = |mut v: u32| {
-        while forest.parents[v as usize] != NO_REPRESENTATIVE {
-            v = forest.parents[v as usize];
-        }
-        v
-    };
+    // A root is there from the level of the first triangle or child that needs it: a component that has vanished, or a
+    // vertex that nothing uses, would only be a point that is sent early.
+    let mut needed = has_child;
     for t in &mesh.triangles {
-        let roots = t.map(root);
-        if roots[0] != roots[1] && roots[1] != roots[2] && roots[2] != roots[0] {
-            roots.iter().for_each(|&r| in_base[r as usize] = true);
-        }
+        let (level, corners) = triangle_level(&forest, *t);
+        corners.iter().for_each(|&v| needed[v as usize] = needed[v as usize].max(level));
     }
     for v in 0..n {
-        if forest.parents[v] == NO_REPRESENTATIVE && !in_base[v] {
-            forest.levels[v] = has_child[v].min(top);
+        if forest.parents[v] == NO_REPRESENTATIVE {
+            forest.levels[v] = needed[v].min(top);
         }
     }
     forest.lift_parents();
@@ -160,7 +152,16 @@ fn by_cost(mesh: &IndexedMesh, collapses: &Collapses, cuts: &[usize]) -> (Forest
 }
 
 fn by_star(mesh: &IndexedMesh, collapses: &Collapses, count: usize) -> Result<(Forest, Vec<f32>), BuildError> {
-    let replay = rule::replay(mesh, &collapses.pairs)?;
+    // The rule speaks of positions: all wedges of one share its level, or a seam would open.
+    let mut position: Vec<u32> = (0..mesh.vertices.len() as u32).collect();
+    mesh.position_of.iter().for_each(|&(v, p)| position[v as usize] = position[p as usize]);
+    let at_position = |v: u32| position[v as usize];
+    let mut positions = mesh.clone();
+    positions.triangles.iter_mut().for_each(|t| *t = t.map(at_position));
+    let first_pairs = std::iter::once(0).chain(collapses.steps.iter().map(|s| s.pairs_end as usize));
+    let pairs: Vec<_> = first_pairs.zip(&collapses.steps).map(|(first, _)| collapses.pairs[first]).collect();
+    let pairs: Vec<_> = pairs.into_iter().map(|(blue, red)| (at_position(blue), at_position(red))).collect();
+    let replay = rule::replay(&positions, &pairs)?;
     // Vertices that each of the paper's levels keeps, and merged levels of about equal growth.
     let mut at_level = vec![0usize; replay.top as usize + 1];
     replay.vertex_levels.iter().for_each(|&l| at_level[l as usize] += 1);
@@ -174,7 +175,10 @@ fn by_star(mesh: &IndexedMesh, collapses: &Collapses, count: usize) -> Result<(F
             size = n - gone;
         }
     }
-    let forest = replay.merged(&last);
+    let mut forest = replay.merged(&last);
+    forest.levels = position.iter().map(|&p| forest.levels[p as usize]).collect();
+    collapses.pairs.iter().for_each(|&(blue, red)| forest.parents[blue as usize] = red);
+    forest.lift_parents();
     let mut errors = vec![0.0f32; forest.level_count as usize];
     let mut first_pair = 0;
     for step in &collapses.steps {

@@ -8,6 +8,7 @@ use pmesh_build::simplify::Placement;
 use pmesh_codec::Receiver;
 use pmesh_codec::pmesh::{EncodeOptions, encode, quantise};
 use pmesh_core::{IndexedMesh, ProgressiveMultilevelMesh, reference};
+use std::collections::HashMap;
 
 fn decode(bytes: &[u8]) -> ProgressiveMultilevelMesh {
     let mut receiver = Receiver::default();
@@ -37,6 +38,52 @@ fn every_sample_comes_back_exactly() {
         round_trip(&model, Some(12), &BuildOptions::default());
         round_trip(&model, None, &BuildOptions::default());
     }
+}
+
+/// Every level of a mesh without boundary has none: at each edge, between positions, an even number of triangles. Vertex
+/// maps cannot change that, so an odd one is a hole.
+fn no_level_has_a_hole(mesh: &ProgressiveMultilevelMesh) {
+    for level in 0..mesh.level_count() {
+        let shown = mesh.mesh_at(level.into()).expect("a level");
+        let mut position: Vec<u32> = (0..shown.vertices.len() as u32).collect();
+        shown.position_of.iter().for_each(|&(v, p)| position[v as usize] = position[p as usize]);
+        let mut edges: HashMap<(u32, u32), u32> = HashMap::new();
+        for t in &shown.triangles {
+            let t = t.map(|v| position[v as usize]);
+            for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+                *edges.entry((a.min(b), a.max(b))).or_default() += 1;
+            }
+        }
+        let odd = edges.iter().filter(|(edge, count)| edge.0 != edge.1 && **count % 2 == 1).count();
+        assert_eq!(odd, 0, "level {level}");
+    }
+}
+
+#[test]
+fn no_level_of_a_closed_mesh_has_a_hole_seams_and_vanishing_components_included() {
+    let mut model = pmesh_build::sample::globe(40);
+    // Small globes around the large one, which vanish early.
+    let (vertices, triangles) = (model.mesh.vertices.clone(), model.mesh.triangles.clone());
+    for i in 0..6 {
+        let first = model.mesh.vertices.len() as u32;
+        let mut small = vertices.clone();
+        for p in &mut small.positions {
+            *p = [p[0] * 0.05 + 2.0, p[1] * 0.05 + i as f32, p[2] * 0.05];
+        }
+        model.mesh.vertices.extend_from(&small);
+        model.mesh.triangles.extend(triangles.iter().map(|t| t.map(|v| v + first)));
+    }
+    pmesh_build::import::link_seams(&mut model.mesh);
+    for steps in [Steps::Growth(1.5), Steps::Growth(1.1), Steps::Count(3)] {
+        let bytes = round_trip(&model, None, &BuildOptions { steps, ..Default::default() });
+        no_level_has_a_hole(&decode(&bytes));
+    }
+    let star = BuildOptions { rule: LevelRule::Star, steps: Steps::Count(12), ..Default::default() };
+    no_level_has_a_hole(&decode(&round_trip(&model, None, &star)));
+    let mut moving = pmesh_build::sample::globe(30);
+    pmesh_build::import::link_seams(&mut moving.mesh);
+    let options = BuildOptions { placement: Placement::Optimal, ..Default::default() };
+    round_trip(&moving, None, &options);
 }
 
 #[test]

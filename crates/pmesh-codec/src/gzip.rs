@@ -58,13 +58,15 @@ impl Decoder for GzipDecoder {
     fn finish(&mut self) -> Result<(), DecodeError> {
         let ended = self.inflate.try_finish();
         self.hand_on()?;
-        ended.map_err(|e| match e.kind() {
-            std::io::ErrorKind::UnexpectedEof | std::io::ErrorKind::InvalidInput => {
-                DecodeError::Truncated { place: Place::Byte(self.offset), inside: "gzip data", levels: 0 }
+        let inside = self.inner.finish();
+        match ended.map_err(|e| (e.kind(), self.bad(e))) {
+            Ok(()) => inside,
+            Err((std::io::ErrorKind::UnexpectedEof | std::io::ErrorKind::InvalidInput, _)) => {
+                // What is inside knows how far it came; if it is whole, only gzip's own end is missing.
+                inside.and(Err(DecodeError::Truncated { place: Place::Byte(self.offset), inside: "gzip data", levels: 0 }))
             }
-            _ => self.bad(e),
-        })?;
-        self.inner.finish()
+            Err((_, bad)) => Err(bad),
+        }
     }
     fn poll(&mut self) -> Option<Event> {
         self.inner.poll()

@@ -6,8 +6,8 @@ use thiserror::Error;
 #[derive(Debug, Clone, PartialEq, Error)]
 #[allow(missing_docs)] // the fields are named in the messages
 pub enum MeshError {
-    #[error("level {level} was asked for, but levels 0 to {coarsest} exist and {arrived} have arrived")]
-    NoSuchLevel { level: u32, coarsest: u32, arrived: u32 },
+    #[error("level {level} was asked for; there are levels {coarsest} (coarsest) to {finest} (finest that has arrived)")]
+    NoSuchLevel { level: f64, coarsest: u32, finest: u32 },
     #[error("the level asked for is not a number")]
     LevelIsNaN,
     #[error("no level has arrived yet")]

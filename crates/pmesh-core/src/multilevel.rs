@@ -81,9 +81,12 @@ impl ProgressiveMultilevelMesh {
         self.level_count() - self.arrived_levels()
     }
 
+    fn no_such_level(&self, level: f64) -> MeshError {
+        MeshError::NoSuchLevel { level, coarsest: self.level_count().saturating_sub(1), finest: self.finest_level() }
+    }
     pub(crate) fn end(&self, level: u32) -> Result<LevelEnd, MeshError> {
         let count = self.level_count();
-        let error = MeshError::NoSuchLevel { level, coarsest: count.saturating_sub(1), arrived: self.arrived_levels() };
+        let error = self.no_such_level(level.into());
         let step = count.checked_sub(1).and_then(|last| last.checked_sub(level)).ok_or(error.clone())?;
         self.ends.get(step as usize).copied().ok_or(error)
     }
@@ -132,7 +135,7 @@ impl ProgressiveMultilevelMesh {
             return Err(MeshError::Empty);
         }
         if x < 0.0 {
-            return Err(self.end(u32::MAX).err().unwrap_or(MeshError::Empty));
+            return Err(self.no_such_level(x));
         }
         let fine = self.end(x.floor() as u32)?;
         let coarse = self.end(x.ceil() as u32)?;

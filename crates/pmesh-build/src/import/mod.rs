@@ -49,6 +49,9 @@ fn finish(mut model: Model) -> Result<Model, BuildError> {
     if model.mesh.vertices.is_empty() {
         return Err(BuildError::Empty);
     }
+    if model.mesh.triangles.is_empty() {
+        model.warnings.push("the file has no faces: nothing of it will be seen".into());
+    }
     link_seams(&mut model.mesh);
     model.mesh.check()?;
     Ok(model)
