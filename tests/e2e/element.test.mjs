@@ -34,6 +34,13 @@ function onPage(name, run) {
 onPage("the main job: a model over 200 kB/s shows within 5 % of its bytes, refines in order, and any level is free", async (page) => {
   const result = await page.evaluate(async () => {
     const mesh = add({ src: "/samples/globe.pmesh?rate=200k" });
+    // Pixels of each picture: nothing goes blank while buffers grow and the image arrives.
+    const canvas = mesh.shadowRoot.querySelector("canvas");
+    const areas = [];
+    mesh.addEventListener("levelchange", () => {
+      const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+      areas.push(data.reduce((n, x, i) => n + (i % 4 === 3 && x > 0), 0));
+    });
     const first = await until(mesh, "levelchange");
     await until(mesh, "load");
     await settled(mesh);
@@ -47,6 +54,7 @@ onPage("the main job: a model over 200 kB/s shows within 5 % of its bytes, refin
     }
     return {
       first: first.bytes,
+      areas,
       total: mesh.info.totalBytes,
       received: mesh.bytes,
       steps: mesh.log.filter((e) => e.type === "levelready").map((e) => e.detail.step),
@@ -58,6 +66,7 @@ onPage("the main job: a model over 200 kB/s shows within 5 % of its bytes, refin
   });
   assert.ok(result.first < 0.05 * result.total, `first picture after ${result.first} of ${result.total} bytes`);
   assert.equal(result.received, result.total);
+  assert.ok(Math.min(...result.areas) > 0.6 * Math.max(...result.areas), `pixels covered: ${result.areas}`);
   assert.deepEqual(result.steps, [...Array(result.count).keys()]);
   assert.ok(result.shown.every(([, triangles]) => triangles), JSON.stringify(result.shown));
   assert.equal(result.uploaded, 0, "setLevel uploads no geometry");
@@ -144,15 +153,18 @@ onPage("bad sources are error events with a code, and what had arrived stays", a
     const mesh = add({ src: URL.createObjectURL(new Blob([bytes])) });
     const error = (await until(mesh, "error")).detail;
     await settled(mesh);
+    const cut = add({ src: URL.createObjectURL(new Blob([bytes.slice(0, 60_000)])) });
+    const short = (await until(cut, "error")).detail;
     const text = add({ src: URL.createObjectURL(new Blob(["{0,0,0,1,0,0,0,1,0}\n{0,1,2}\n{0,0"])) });
     const truncated = (await until(text, "error")).detail;
     await settled(text);
-    return { codes, error, levels: mesh.model.arrivedLevels, shown: await covered(mesh), truncated, kept: await covered(text) };
+    return { codes, error, levels: mesh.model.arrivedLevels, shown: await covered(mesh), short, truncated, kept: await covered(text) };
   });
   assert.deepEqual(Object.values(result.codes), ["http", "unknown-format", "unknown-format", "network"]);
   assert.ok(["checksum", "syntax", "invalid-mesh"].includes(result.error.code), result.error.message);
   assert.match(result.error.message, /byte \d+/);
   assert.ok(result.levels > 10 && result.shown > 5000);
+  assert.equal(result.short.code, "truncated", result.short.message);
   assert.equal(result.truncated.code, "truncated");
   assert.match(result.truncated.message, /line 3/);
   assert.ok(result.kept > 1000);

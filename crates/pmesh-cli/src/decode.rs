@@ -16,7 +16,7 @@ pub struct Args {
     #[arg(short, long)]
     output: PathBuf,
     /// Level of detail, 0 the finest; fractions morph. The finest that is there by default, exactly as encoded
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true)]
     level: Option<f64>,
     /// Use only this many bytes of the file
     #[arg(long)]
@@ -49,10 +49,21 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
         None => mesh.finest_mesh(),
         Some(x) => mesh.mesh_at(x)?,
     };
+    if stream.texture.is_some() {
+        eprintln!(
+            "warning: {}: .ply and .obj carry no image; texture coordinates are written, the image is not",
+            args.output.display()
+        );
+    }
     output::write(&args.output, &out)?;
     if !quiet {
         let level = args.level.unwrap_or(mesh.finest_level().into());
-        println!("{}: level {level}, {} vertices, {} triangles", args.output.display(), out.vertices.len(), out.triangles.len());
+        output::say(&format!(
+            "{}: level {level}, {} vertices, {} triangles",
+            args.output.display(),
+            out.vertices.len(),
+            out.triangles.len()
+        ))?;
     }
     Ok(())
 }

@@ -32,21 +32,22 @@ pub struct Args {
 /// What `encode` and `sample` share
 #[derive(clap::Args)]
 pub struct How {
-    /// Bits a coordinate, 8 to 16, or "none" to keep every float; the grid's step is the longest side / (2^N - 1)
-    #[arg(long, default_value = "14", value_parser = parse_bits)]
-    bits: Bits,
+    /// Bits a coordinate, 8 to 16, or "none" to keep every float; the grid's step is the longest side / (2^N - 1) [default: 14
+    /// for .pmesh, none for .lod]
+    #[arg(long, value_parser = parse_bits)]
+    bits: Option<Bits>,
     /// Number of levels, 1 to 63
     #[arg(long, conflicts_with = "growth")]
     levels: Option<u32>,
-    /// Factor by which triangles grow from level to level
-    #[arg(long, default_value_t = 1.5)]
-    growth: f64,
-    /// Triangles of the coarsest level, about; 0 leaves one vertex a component
-    #[arg(long, default_value_t = 60)]
-    base: usize,
-    /// How to simplify
-    #[arg(long, value_enum, default_value_t = Simplifier::HalfEdge)]
-    simplifier: Simplifier,
+    /// Factor by which triangles grow from level to level [default: 1.5]
+    #[arg(long)]
+    growth: Option<f64>,
+    /// Triangles of the coarsest level, about; 0 leaves one vertex a component [default: 60]
+    #[arg(long)]
+    base: Option<usize>,
+    /// How to simplify [default: half-edge]
+    #[arg(long, value_enum)]
+    simplifier: Option<Simplifier>,
     /// Text format only: GV97's Surface Partition layout, all representatives after the coarsest level
     #[arg(long)]
     surface_partition: bool,
@@ -79,6 +80,7 @@ enum Simplifier {
 pub fn run(args: &Args, quiet: bool) -> Result<()> {
     let bytes = input::read(&args.input)?;
     let stream = if input::is_stream(&args.input, &bytes) {
+        args.how.warn_of_kept_levels(&args.input);
         kept_levels(&args.input, &bytes)?
     } else {
         let model = input::model(&args.input, &bytes)?;
@@ -101,13 +103,42 @@ fn kept_levels(path: &Path, bytes: &[u8]) -> Result<LevelStream> {
     Ok(LevelStream { attribute_set: mesh.attribute_set(), levels, errors, texture: stream.texture })
 }
 
+/// Bits a coordinate of a `.pmesh`, if nothing else is asked for: no grid is seen at any screen's size.
+const DEFAULT_BITS: u8 = 14;
+
+impl How {
+    /// Says which options have no effect where the levels are there already.
+    pub fn warn_of_kept_levels(&self, path: &Path) {
+        let given = [
+            (self.levels.is_some(), "--levels"),
+            (self.growth.is_some(), "--growth"),
+            (self.base.is_some(), "--base"),
+            (self.simplifier.is_some(), "--simplifier"),
+        ];
+        for (_, name) in given.iter().filter(|g| g.0) {
+            eprintln!(
+                "warning: {}: it has levels already, which are kept; {name} has no effect (decode it to a mesh to make others)",
+                path.display()
+            );
+        }
+    }
+    /// Says which options have no effect where a mesh is written as it is.
+    pub fn warn_of_plain_mesh(&self, path: &Path) {
+        self.warn_of_kept_levels(path);
+        if self.bits.is_some() {
+            eprintln!("warning: {}: a mesh is written with every float; --bits has no effect", path.display());
+        }
+    }
+}
+
 /// Simplifies `model` as `how` says.
 pub fn levels_of(model: &Model, path: &Path, how: &How, quiet: bool) -> Result<LevelStream> {
+    let default = BuildOptions::default();
     let options = BuildOptions {
-        base_triangles: how.base,
-        placement: if matches!(how.simplifier, Simplifier::Moving) { Placement::Optimal } else { Placement::Kept },
-        rule: if matches!(how.simplifier, Simplifier::Star) { LevelRule::Star } else { LevelRule::Cost },
-        steps: how.levels.map_or(Steps::Growth(how.growth), Steps::Count),
+        base_triangles: how.base.unwrap_or(default.base_triangles),
+        placement: if matches!(how.simplifier, Some(Simplifier::Moving)) { Placement::Optimal } else { Placement::Kept },
+        rule: if matches!(how.simplifier, Some(Simplifier::Star)) { LevelRule::Star } else { LevelRule::Cost },
+        steps: how.levels.map(Steps::Count).or(how.growth.map(Steps::Growth)).unwrap_or(default.steps),
     };
     let progress = Progress::new("simplifying", quiet);
     let stream = build(model, &options, |part| progress.set(part)).map_err(CliError::build(path))?;
@@ -121,7 +152,10 @@ pub fn write_stream(stream: LevelStream, path: &Path, how: &How, quiet: bool) ->
     let mut bytes = Vec::new();
     let shown = (stream.levels.len(), stream.levels.iter().map(|l| l.triangles.len()).sum::<usize>());
     if name.ends_with(".pmesh") {
-        let options = EncodeOptions { position_bits: how.bits.0 };
+        if how.surface_partition {
+            eprintln!("warning: --surface-partition has no effect on a .pmesh");
+        }
+        let options = EncodeOptions { position_bits: how.bits.unwrap_or(Bits(Some(DEFAULT_BITS))).0 };
         pmesh_codec::pmesh::encode(&stream, options, &mut bytes).map_err(CliError::encode(path))?;
     } else if name.ends_with(".lod") || name.ends_with(".lod.gz") {
         let text = text_of(stream, path, how)?;
@@ -130,10 +164,10 @@ pub fn write_stream(stream: LevelStream, path: &Path, how: &How, quiet: bool) ->
         return Err(CliError::Other(format!("{}: write .pmesh, .lod or .lod.gz", path.display())));
     }
     output::write_bytes(path, &bytes)?;
-    if !quiet {
-        println!("{}: {} levels, {} triangles, {} bytes", path.display(), shown.0, shown.1, bytes.len());
+    if quiet {
+        return Ok(());
     }
-    Ok(())
+    output::say(&format!("{}: {} levels, {} triangles, {} bytes", path.display(), shown.0, shown.1, bytes.len()))
 }
 
 fn gzip(bytes: &[u8]) -> std::io::Result<Vec<u8>> {
@@ -153,9 +187,10 @@ fn text_of(mut stream: LevelStream, path: &Path, how: &How) -> Result<Vec<u8>> {
     let mut all = pmesh_core::IndexedMesh::default();
     for level in &mut stream.levels {
         level.vertices.attributes = Attributes::default();
+        level.moved.values.attributes = Attributes::default();
         all.vertices.extend_from(&level.vertices);
     }
-    let on_grid = quantise(&all, how.bits.0).vertices.positions;
+    let on_grid = quantise(&all, how.bits.unwrap_or(Bits(None)).0).vertices.positions;
     let mut next = on_grid.into_iter();
     let mut mesh = ProgressiveMultilevelMesh::new(Default::default());
     for level in &mut stream.levels {

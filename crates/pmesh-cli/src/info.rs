@@ -1,7 +1,7 @@
 //! `pmesh info`: what a stream holds, and what each byte of it buys.
 
-use crate::error::Result;
-use crate::input;
+use crate::error::{CliError, Result};
+use crate::{input, output};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -47,13 +47,16 @@ struct LevelRow {
 
 pub fn run(args: &Args) -> Result<()> {
     let bytes = input::read(&args.input)?;
-    let mut stream = input::decode_whole(&args.input, &bytes)?;
+    let mut stream = input::decode(&bytes, true);
+    if let Some(source) = stream.error.clone().filter(|_| stream.receiver.mesh().arrived_levels() == 0) {
+        return Err(CliError::Decode { path: args.input.clone(), source });
+    }
     stream.receiver.mesh_mut().shrink_to_fit();
     let mesh = stream.receiver.mesh();
     let info = stream.receiver.info().cloned().unwrap_or_default();
     let count = mesh.level_count();
     let mut rows = Vec::new();
-    for level in (0..count).rev() {
+    for level in (mesh.finest_level()..count).rev() {
         let step = (count - 1 - level) as usize;
         let entry = info.levels.as_ref().and_then(|l| l.get(step));
         rows.push(LevelRow {
@@ -84,37 +87,45 @@ pub fn run(args: &Args) -> Result<()> {
         warnings: stream.warnings,
     };
     if args.json {
-        let text = serde_json::to_string_pretty(&report).map_err(|e| crate::error::CliError::Other(e.to_string()))?;
-        println!("{text}");
+        let text = serde_json::to_string_pretty(&report).map_err(|e| CliError::Other(e.to_string()))?;
+        output::say(&text)?;
     } else {
-        print(&report);
+        output::say(&shown(&report))?;
     }
-    Ok(())
+    // What is there has been shown; that it is not all is still a failure.
+    stream.error.map_or(Ok(()), |source| Err(CliError::Decode { path: args.input.clone(), source }))
 }
 
-fn print(r: &Report) {
-    println!("format      {}", r.format);
-    println!("bytes       {} ({:.2} bits a vertex)", r.file_bytes, r.bits_per_vertex);
-    println!("finest      {} vertices, {} triangles", r.vertices, r.triangles);
-    println!("positions   {}", r.position_bits.map_or("exact 32-bit floats".into(), |b| format!("{b} bits a coordinate")));
+/// The report for people.
+fn shown(r: &Report) -> String {
+    let mut lines = Vec::new();
+    lines.push(format!("format      {}", r.format));
+    lines.push(format!("bytes       {} ({:.2} bits a vertex)", r.file_bytes, r.bits_per_vertex));
+    lines.push(format!("finest      {} vertices, {} triangles", r.vertices, r.triangles));
+    lines.push(format!(
+        "positions   {}",
+        r.position_bits.map_or("exact 32-bit floats".into(), |b| format!("{b} bits a coordinate"))
+    ));
     let names = [(r.normals, "normals"), (r.colors, "colours"), (r.texcoords, "texture coordinates")];
     let present: Vec<_> = names.iter().filter(|n| n.0).map(|n| n.1).collect();
-    println!("attributes  {}", if present.is_empty() { "none".into() } else { present.join(", ") });
+    lines.push(format!("attributes  {}", if present.is_empty() { "none".into() } else { present.join(", ") }));
     if let Some(bytes) = r.texture_bytes {
-        println!("texture     {bytes} bytes");
+        lines.push(format!("texture     {bytes} bytes"));
     }
     if r.seam_vertices > 0 {
-        println!("seams       {} vertices share a position with another", r.seam_vertices);
+        lines.push(format!("seams       {} vertices share a position with another", r.seam_vertices));
     }
     if r.moving_vertices > 0 {
-        println!("moves       {} places of vertices that move between levels", r.moving_vertices);
+        lines.push(format!("moves       {} places of vertices that move between levels", r.moving_vertices));
     }
-    println!("in memory   {} bytes", r.memory_bytes);
-    println!("\n level      bytes  of file   vertices  triangles      error");
+    lines.push(format!("in memory   {} bytes", r.memory_bytes));
+    lines.push("\n level      bytes  of file   vertices  triangles      error (model units)".to_string());
     for l in &r.levels {
         let error = l.error.map_or("-".into(), |e| format!("{e:.3e}"));
         let part = 100.0 * l.bytes as f64 / r.file_bytes as f64;
-        println!("{:>6} {:>10} {:>7.2} % {:>10} {:>10} {:>10}", l.level, l.bytes, part, l.vertices, l.triangles, error);
+        lines
+            .push(format!("{:>6} {:>10} {:>7.2} % {:>10} {:>10} {:>10}", l.level, l.bytes, part, l.vertices, l.triangles, error));
     }
-    r.warnings.iter().for_each(|w| println!("warning: {w}"));
+    lines.extend(r.warnings.iter().map(|w| format!("warning: {w}")));
+    lines.join("\n")
 }

@@ -18,6 +18,14 @@ pub fn write(path: &Path, mesh: &IndexedMesh) -> Result<()> {
     writer(&mut file, mesh).and_then(|()| file.flush()).map_err(CliError::io(path))
 }
 
+/// Prints a line. Whoever closed the pipe has seen enough: that is no error.
+pub fn say(text: &str) -> Result<()> {
+    match writeln!(std::io::stdout(), "{text}") {
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(CliError::Other(e.to_string())),
+        _ => Ok(()),
+    }
+}
+
 /// Writes a whole file at once.
 pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
     std::fs::write(path, bytes).map_err(CliError::io(path))

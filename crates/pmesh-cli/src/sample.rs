@@ -30,10 +30,20 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
     })?;
     let name = args.output.to_string_lossy().to_ascii_lowercase();
     if name.ends_with(".ply") || name.ends_with(".obj") {
-        return output::write(&args.output, &model.mesh);
+        args.how.warn_of_plain_mesh(&args.output);
+        output::write(&args.output, &model.mesh)?;
+        let counts = (model.mesh.vertices.len(), model.mesh.triangles.len());
+        return if quiet {
+            Ok(())
+        } else {
+            output::say(&format!("{}: {} vertices, {} triangles", args.output.display(), counts.0, counts.1))
+        };
     }
     let stream = match sample_levels(&args.name) {
-        Some(stream) => stream,
+        Some(stream) => {
+            args.how.warn_of_kept_levels(&args.output);
+            stream
+        }
         None => encode::levels_of(&model, &args.output, &args.how, quiet)?,
     };
     encode::write_stream(stream, &args.output, &args.how, quiet)
