@@ -142,6 +142,7 @@ export class PMeshElement extends HTMLElement {
   #background = [0, 0, 0, 0];
   #imageGeneration = -1;
   #image = null;
+  #imageFailed = false;
 
   constructor() {
     super();
@@ -285,6 +286,7 @@ export class PMeshElement extends HTMLElement {
     this.#readyStep = 0;
     this.#drawnLevel = null;
     this.#image = this.#lastError = null;
+    this.#imageFailed = false;
     this.#part(".message").textContent = "";
     this.#part(".frame").classList.remove("shown");
   }
@@ -325,6 +327,7 @@ export class PMeshElement extends HTMLElement {
     this.#part(".message").textContent = `${this.alt || "3D model"}: ${message}`;
     const unheard = this.dispatchEvent(new CustomEvent("error", { detail: { code, message }, cancelable: true }));
     if (unheard) this.#report(`${this.getAttribute("src") ?? "a model"}: ${message}`);
+    this.requestRender();
   }
 
   #arrived(events) {
@@ -361,8 +364,16 @@ export class PMeshElement extends HTMLElement {
       this.#imageGeneration = -1;
       this.requestRender();
     } catch (error) {
+      if (this.#loader !== loader) return;
+      this.#imageFailed = true;
       this.#failed({ code: "bad-image", message: `the base-colour image cannot be decoded: ${error.message}` });
     }
+  }
+
+  #imageOnItsWay() {
+    const end = this.info?.textureEndByte;
+    if (!end || this.#image || this.#imageFailed) return false;
+    return this.bytes >= end || this.#loader.running;
   }
 
   /** Level that is wanted now: the page's, or the coarsest that satisfies what limits there are. */
@@ -504,7 +515,7 @@ export class PMeshElement extends HTMLElement {
       this.requestRender();
       return;
     }
-    this.#settling.splice(0).forEach((resolve) => resolve());
+    if (!this.#imageOnItsWay()) this.#settling.splice(0).forEach((resolve) => resolve());
     if (turning) this.requestRender();
   }
 

@@ -24,6 +24,11 @@ export class PMeshLoader {
     this.#to = to;
   }
 
+  /** True while bytes are on their way, or another try is due. */
+  get running() {
+    return this.#abort !== null || this.#timer !== 0;
+  }
+
   /** Begins, or goes on where it was stopped. */
   start() {
     if (this.#abort || this.#ended || !this.#src || this.#timer) return;
