@@ -1,35 +1,12 @@
 // <p-mesh>: a progressive mesh as an HTML element. What the page sees is all in the comment of PMeshElement.
 
+import { ATTRIBUTES, PROPERTIES, parseColor, reflectAttributes } from "./pmesh-attributes.js";
 import { OrbitCamera, attachControls } from "./pmesh-controls.js";
 import { PMeshLoader } from "./pmesh-loader.js";
 import * as runtime from "./pmesh-runtime.js";
+import { TEMPLATE } from "./pmesh-template.js";
 
 export { OrbitCamera };
-
-const TEMPLATE = document.createElement("template");
-TEMPLATE.innerHTML = `<style>
-:host { display: inline-block; position: relative; width: 300px; height: 300px; contain: content; }
-:host([hidden]) { display: none; }
-canvas, .poster, .fallback { position: absolute; inset: 0; width: 100%; height: 100%; }
-canvas { touch-action: none; outline: none; }
-canvas:focus-visible { outline: 2px solid Highlight; outline-offset: -2px; }
-:host(:not([camera-controls])) canvas { touch-action: auto; }
-.poster { object-fit: contain; }
-.shown .poster, .shown .fallback { display: none; }
-.debug { position: absolute; left: 0; top: 0; margin: 6px; padding: 4px 8px; font: 11px/1.45 ui-monospace, monospace;
-  background: rgb(10 16 24 / 72%); color: #e8eef4; border-radius: 4px; pointer-events: none; white-space: pre; }
-.message { position: absolute; inset: auto 8px 8px; margin: 0; font: 13px/1.4 system-ui, sans-serif; color: GrayText; pointer-events: none; }
-.shown .message { display: none; }
-.status { position: absolute; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%); }
-</style>
-<div class="frame">
-  <div class="fallback"><slot></slot></div>
-  <img class="poster" part="poster" alt="" hidden>
-  <canvas part="canvas" width="1" height="1"></canvas>
-  <pre class="debug" part="debug" hidden></pre>
-  <p class="message" part="message"></p>
-  <span class="status" role="status"></span>
-</div>`;
 
 /** Seconds in which a new level is morphed in. */
 const MORPH_SECONDS = 0.3;
@@ -98,10 +75,7 @@ const ROTATE_SPEED = 0.5;
  * @slot - What to show until the first picture, and where the model cannot be shown.
  */
 export class PMeshElement extends HTMLElement {
-  static observedAttributes = [
-    "src", "level", "max-triangles", "auto-level", "camera-controls", "auto-rotate", "wireframe", "background", "alt",
-    "poster", "loading", "debug",
-  ];
+  static observedAttributes = ATTRIBUTES;
 
   static get triangleBudget() {
     return runtime.triangleBudget();
@@ -139,6 +113,7 @@ export class PMeshElement extends HTMLElement {
   #lastError = null;
   /** Resolved at the next picture that is complete. */
   #settling = [];
+  #reported = new Set();
   #background = [0, 0, 0, 0];
   #imageGeneration = -1;
   #image = null;
@@ -162,8 +137,7 @@ export class PMeshElement extends HTMLElement {
 
   connectedCallback() {
     // Properties that were set before the element was defined hide the accessors: set them again.
-    for (const name of ["src", "level", "maxTriangles", "autoLevel", "cameraControls", "autoRotate", "wireframe",
-      "background", "alt", "poster", "loading", "debug"]) {
+    for (const name of PROPERTIES) {
       if (!Object.hasOwn(this, name)) continue;
       const value = this[name];
       delete this[name];
@@ -243,20 +217,18 @@ export class PMeshElement extends HTMLElement {
   }
 
   #report(text) {
+    // Once is enough: some values are looked at in every frame.
+    if (this.#reported.has(text)) return;
+    this.#reported.add(text);
     console.warn(`<p-mesh>: ${text}`);
   }
   #checkNumber(name, text) {
     if (text !== null && Number.isNaN(Number.parseFloat(text))) this.#report(`${name}="${text}" is not a number`);
   }
   #parseColor(text, name) {
-    if (!CSS.supports("color", text)) {
-      this.#report(`${name}: "${text}" is not a colour`);
-      return null;
-    }
-    const probe = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
-    probe.fillStyle = text;
-    probe.fillRect(0, 0, 1, 1);
-    return [...probe.getImageData(0, 0, 1, 1).data].map((byte) => byte / 255);
+    const color = parseColor(text);
+    if (!color) this.#report(`${name}: "${text}" is not a colour`);
+    return color;
   }
   #describe() {
     const interactive = this.hasAttribute("camera-controls");
@@ -524,16 +496,11 @@ export class PMeshElement extends HTMLElement {
     return {
       ...this.#view(),
       background: this.#background,
-      baseColor: (color && this.#cachedColor(color)) || [],
+      baseColor: (color && this.#parseColor(color, "--pmesh-color")) || [],
       wireframe: this.wireframe,
       representatives: this.debug === "representatives",
       shownLevel: model.levelCount - 1 - this.#shownStep,
     };
-  }
-  #colors = new Map();
-  #cachedColor(text) {
-    if (!this.#colors.has(text)) this.#colors.set(text, this.#parseColor(text, "--pmesh-color"));
-    return this.#colors.get(text);
   }
 
   #uploadImage(renderer, model) {
@@ -633,39 +600,5 @@ export class PMeshElement extends HTMLElement {
   }
 }
 
-// Attributes as properties.
-const camel = (name) => name.replace(/-(.)/g, (_, letter) => letter.toUpperCase());
-for (const name of ["src", "background", "alt", "poster", "loading"]) {
-  Object.defineProperty(PMeshElement.prototype, camel(name), {
-    get() { return this.getAttribute(name) ?? ""; },
-    set(value) { if (value == null) this.removeAttribute(name); else this.setAttribute(name, value); },
-    enumerable: true, configurable: true,
-  });
-}
-for (const name of ["level", "max-triangles", "auto-level"]) {
-  Object.defineProperty(PMeshElement.prototype, camel(name), {
-    get() {
-      const value = Number.parseFloat(this.getAttribute(name) ?? "");
-      return Number.isNaN(value) ? null : value;
-    },
-    set(value) { if (value == null) this.removeAttribute(name); else this.setAttribute(name, String(value)); },
-    enumerable: true, configurable: true,
-  });
-}
-for (const name of ["camera-controls", "auto-rotate", "wireframe"]) {
-  Object.defineProperty(PMeshElement.prototype, camel(name), {
-    get() { return this.hasAttribute(name); },
-    set(value) { this.toggleAttribute(name, Boolean(value)); },
-    enumerable: true, configurable: true,
-  });
-}
-Object.defineProperty(PMeshElement.prototype, "debug", {
-  get() { return this.getAttribute("debug"); },
-  set(value) {
-    if (value == null || value === false) this.removeAttribute("debug");
-    else this.setAttribute("debug", value === true ? "" : value);
-  },
-  enumerable: true, configurable: true,
-});
-
+reflectAttributes(PMeshElement.prototype);
 if (!customElements.get("p-mesh")) customElements.define("p-mesh", PMeshElement);

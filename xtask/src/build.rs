@@ -8,8 +8,15 @@ use std::path::{Path, PathBuf};
 /// Samples of the gallery; `pmesh sample --help` says what they are.
 const SAMPLES: [&str; 5] = ["globe", "marble", "knot", "part", "tetrahedra"];
 /// Element files that go into the npm package beside the module.
-const ELEMENT_FILES: [&str; 5] =
-    ["pmesh-element.js", "pmesh-element.d.ts", "pmesh-loader.js", "pmesh-runtime.js", "pmesh-controls.js"];
+const ELEMENT_FILES: [&str; 7] = [
+    "pmesh-element.js",
+    "pmesh-element.d.ts",
+    "pmesh-attributes.js",
+    "pmesh-controls.js",
+    "pmesh-loader.js",
+    "pmesh-runtime.js",
+    "pmesh-template.js",
+];
 
 /// Raw and compressed size of a module.
 pub struct Sizes {
