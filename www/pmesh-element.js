@@ -179,7 +179,7 @@ export class PMeshElement extends HTMLElement {
         if (this.isConnected && (this.loading !== "lazy" || this.#visible)) this.#start();
         break;
       case "level": case "max-triangles": case "auto-level":
-        this.#checkNumber(name, now);
+        if (now !== null && Number.isNaN(Number.parseFloat(now))) this.#report(`${name}="${now}" is not a number`);
         this.#reconsider();
         break;
       case "camera-controls":
@@ -221,9 +221,6 @@ export class PMeshElement extends HTMLElement {
     if (this.#reported.has(text)) return;
     this.#reported.add(text);
     console.warn(`<p-mesh>: ${text}`);
-  }
-  #checkNumber(name, text) {
-    if (text !== null && Number.isNaN(Number.parseFloat(text))) this.#report(`${name}="${text}" is not a number`);
   }
   #parseColor(text, name) {
     const color = parseColor(text);
@@ -391,8 +388,7 @@ export class PMeshElement extends HTMLElement {
   // ---- called by the runtime
 
   get visibleArea() {
-    if (!this.#visible) return 0;
-    return this.clientWidth * this.clientHeight;
+    return this.#visible ? this.clientWidth * this.clientHeight : 0;
   }
   budgetChanged() {
     this.#reconsider();
