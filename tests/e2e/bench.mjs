@@ -32,7 +32,7 @@ try {
     return rows;
   });
   for (const r of rows) {
-    console.log(`${r.name.padEnd(34)} ${String(r.triangles).padStart(9)} triangles  decode ${r.ms.toFixed(1).padStart(8)} ms = ${r.rate.toFixed(2)} MT/s  arrays(0) ${r.arrays.toFixed(1)} ms  memory ${r.memory}`);
+    process.stdout.write(`${r.name.padEnd(34)} ${String(r.triangles).padStart(9)} triangles  decode ${r.ms.toFixed(1).padStart(8)} ms = ${r.rate.toFixed(2)} MT/s  arrays(0) ${r.arrays.toFixed(1)} ms  memory ${r.memory}\n`);
   }
 } finally {
   await browser.close();
