@@ -5,18 +5,18 @@
 use crate::error::{decode_error, error};
 use crate::model::{Model, ModelEvents};
 use gloo_net::http::{Request, Response};
-use js_sys::{Function, Promise, Reflect, Uint8Array};
+use js_sys::{Array, Function, Promise, Reflect, Uint8Array};
 use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::JsFuture;
 
 /// Bytes decoded between two looks at the clock: a fraction of a millisecond's work.
-const SLICE_BYTES: usize = 4096;
+const SLICE_BYTES: usize = 2048;
 /// Milliseconds of decoding before the page gets its turn; the limit is 8.
-const SLICE_MS: f64 = 5.0;
+const SLICE_MS: f64 = 4.0;
 
 #[wasm_bindgen]
 impl Model {
-    /// Reads a response to its end. `on_events` is called with what each slice brought. If the server ignored a range
+    /// Reads a response to its end. `on_events` is called with what arrived, and with an empty list as bytes come. If the server ignored a range
     /// request (status 200), bytes that are here already are skipped. Aborting `signal` stops it at once. Rejects with an `Error` whose `code` is
     /// `http`, `network`, `aborted` or a decoder's.
     pub async fn stream(
@@ -75,6 +75,7 @@ impl Model {
                 }
                 clock.pause_if_due().await?;
             }
+            self.tell(on_events)?;
         }
         // A connection that breaks is an error of the reader; this is the end of what the server has.
         self.end(on_events)
@@ -115,7 +116,10 @@ impl Model {
 
     fn slice(&self, bytes: &[u8], on_events: &Function) -> Result<(), JsValue> {
         let pushed = self.state.borrow_mut().push(bytes);
-        self.tell(on_events)?;
+        let events: Array = self.state.borrow_mut().events().into_iter().collect();
+        if events.length() > 0 {
+            on_events.call1(&JsValue::NULL, &events)?;
+        }
         pushed.map_err(|e| decode_error(&e))
     }
 
@@ -170,7 +174,8 @@ impl Clock {
     }
 }
 
-fn now() -> f64 {
+/// `performance.now()`, in pages and workers.
+pub(crate) fn now() -> f64 {
     let performance = Reflect::get(&js_sys::global(), &"performance".into()).ok();
     performance.map_or_else(js_sys::Date::now, |p| p.unchecked_into::<web_sys::Performance>().now())
 }

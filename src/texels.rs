@@ -1,4 +1,4 @@
-//! Vertices as the texels that the vertex shader reads, and images with their mipmaps. Plain bytes; no GPU here.
+//! Vertices as the texels that the vertex shader reads, and images at half their size. Plain bytes; no GPU here.
 
 /// Bytes of a texel of the vertex texture: three coordinates and a colour.
 pub const VERTEX_TEXEL: usize = 16;
@@ -27,27 +27,20 @@ pub fn normal([x, y, z]: [f32; 3]) -> u32 {
     }
 }
 
-/// Mipmaps of an RGBA image with 8 bits a channel, each half the one before, the first included.
-pub fn mipmaps(width: u32, height: u32, pixels: Vec<u8>) -> Vec<(u32, u32, Vec<u8>)> {
-    let mut levels = vec![(width, height, pixels)];
-    while let Some((w, h, from)) = levels.last().filter(|l| l.0 > 1 || l.1 > 1) {
-        let (w, h) = (*w, *h);
-        let (nw, nh) = ((w / 2).max(1), (h / 2).max(1));
-        let mut to = Vec::with_capacity((nw * nh * 4) as usize);
-        for y in 0..nh {
-            for x in 0..nw {
-                for c in 0..4 {
-                    let at = |dx: u32, dy: u32| {
-                        let (x, y) = ((2 * x + dx).min(w - 1), (2 * y + dy).min(h - 1));
-                        u32::from(from[((y * w + x) * 4 + c) as usize])
-                    };
-                    to.push(((at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1) + 2) / 4) as u8);
-                }
+/// Rows `rows` of an RGBA image (8 bits a channel) at half its size, appended to `out`. Odd sizes repeat their last pixel.
+pub fn halve_rows(size: (u32, u32), from: &[u8], rows: std::ops::Range<u32>, out: &mut Vec<u8>) {
+    let (w, h) = size;
+    for y in rows {
+        for x in 0..(w / 2).max(1) {
+            for c in 0..4 {
+                let at = |dx: u32, dy: u32| {
+                    let (x, y) = ((2 * x + dx).min(w - 1), (2 * y + dy).min(h - 1));
+                    u32::from(from[((y * w + x) * 4 + c) as usize])
+                };
+                out.push(((at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1) + 2) / 4) as u8);
             }
         }
-        levels.push((nw, nh, to));
     }
-    levels
 }
 
 #[cfg(test)]
@@ -68,9 +61,13 @@ mod tests {
     }
 
     #[test]
-    fn mipmaps_end_at_one_pixel_and_keep_the_mean() {
-        let levels = mipmaps(4, 2, (0..32).map(|i| if i % 8 < 4 { 0 } else { 200 }).collect());
-        assert_eq!(levels.iter().map(|l| (l.0, l.1)).collect::<Vec<_>>(), [(4, 2), (2, 1), (1, 1)]);
-        assert_eq!(levels[2].2, [100; 4]);
+    fn halving_keeps_the_mean() {
+        let image: Vec<u8> = (0..32).map(|i| if i % 8 < 4 { 0 } else { 200 }).collect();
+        let mut half = Vec::new();
+        halve_rows((4, 2), &image, 0..1, &mut half);
+        assert_eq!(half, [100; 8]);
+        let mut one = Vec::new();
+        halve_rows((2, 1), &half, 0..1, &mut one);
+        assert_eq!(one, [100; 4]);
     }
 }

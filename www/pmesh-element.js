@@ -2,6 +2,7 @@
 
 import { ATTRIBUTES, PROPERTIES, parseColor, reflectAttributes } from "./pmesh-attributes.js";
 import { OrbitCamera, attachControls } from "./pmesh-controls.js";
+import { decodeImage } from "./pmesh-image.js";
 import { PMeshLoader } from "./pmesh-loader.js";
 import * as runtime from "./pmesh-runtime.js";
 import { TEMPLATE } from "./pmesh-template.js";
@@ -323,13 +324,9 @@ export class PMeshElement extends HTMLElement {
   async #decodeImage({ mime, bytes }) {
     const loader = this.#loader;
     try {
-      const bitmap = await createImageBitmap(new Blob([bytes], { type: mime }));
-      if (this.#loader !== loader) return;
-      const scale = Math.min(1, 4096 / Math.max(bitmap.width, bitmap.height));
-      const [width, height] = [bitmap.width, bitmap.height].map((n) => Math.max(1, Math.round(n * scale)));
-      const context = new OffscreenCanvas(width, height).getContext("2d");
-      context.drawImage(bitmap, 0, 0, width, height);
-      this.#image = { width, height, pixels: context.getImageData(0, 0, width, height).data };
+      const image = await decodeImage(bytes, mime, () => this.#loader === loader);
+      if (!image) return;
+      this.#image = image;
       this.#imageGeneration = -1;
       this.requestRender();
     } catch (error) {
@@ -479,10 +476,9 @@ export class PMeshElement extends HTMLElement {
     const morphOn = result.readyLevels - 1 > this.#readyStep;
     this.#readyStep = Math.max(0, result.readyLevels - 1);
     if (result.level >= 0) this.#drawn(result, renderer);
-    if (moving || morphOn || !result.complete) {
-      this.requestRender();
-      return;
-    }
+    if (!result.complete) runtime.uploadRest(this, model);
+    if (moving || morphOn) this.requestRender();
+    if (moving || morphOn || !result.complete) return;
     if (!this.#imageOnItsWay()) this.#settling.splice(0).forEach((resolve) => resolve());
     if (turning) this.requestRender();
   }
@@ -502,7 +498,7 @@ export class PMeshElement extends HTMLElement {
   #uploadImage(renderer, model) {
     if (!this.#image || this.#imageGeneration === runtime.rendererGeneration()) return;
     const { width, height, pixels } = this.#image;
-    renderer.setImage(model, width, height, new Uint8Array(pixels.buffer));
+    renderer.setImage(model, width, height, pixels);
     this.#imageGeneration = runtime.rendererGeneration();
   }
 
@@ -544,6 +540,10 @@ export class PMeshElement extends HTMLElement {
   }
   get complete() {
     return this.#loader?.model?.isWhole ?? false;
+  }
+  /** Levels whose geometry the last picture could use. */
+  get readyLevels() {
+    return this.#readyStep + 1;
   }
   /** The WebAssembly module's Model, once there is one. */
   get model() {

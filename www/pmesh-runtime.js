@@ -77,13 +77,48 @@ export function rendererGeneration() {
 /** Draws `model` and copies the picture to `target`, a 2D context. Gives the result, or null if the context is lost. */
 export function drawTo(renderer, model, options, target) {
   if (!canvas || !context || context.isContextLost()) return null;
-  const result = renderer.draw(model, options);
+  const result = renderer.draw(model, { ...options, deadline: uploadDeadline });
   const { width, height } = options;
   if (target.canvas.width !== width) target.canvas.width = width;
   if (target.canvas.height !== height) target.canvas.height = height;
   target.clearRect(0, 0, width, height);
   target.drawImage(canvas, 0, 0, width, height, 0, 0, width, height);
   return result;
+}
+
+/** Milliseconds of a task that all elements together upload geometry for; each does a step at least. */
+const UPLOAD_MS = 3;
+let uploadDeadline = 0;
+
+const uploads = new Map();
+const uploadTask = new MessageChannel();
+uploadTask.port1.onmessage = uploadSome;
+
+/** Uploads what is missing of a client's model between frames, and calls for a frame once there is more to see. */
+export function uploadRest(client, model) {
+  if (uploads.size === 0) uploadTask.port2.postMessage(null);
+  uploads.set(client, model);
+}
+
+async function uploadSome() {
+  const renderer = await getRenderer().catch(() => null);
+  const deadline = performance.now() + UPLOAD_MS;
+  for (const [client, model] of uploads) {
+    let done = !renderer || client.model !== model || !clients.has(client);
+    if (!done) {
+      try {
+        const { complete, readyLevels } = renderer.upload(model, { wireframe: client.wireframe, deadline });
+        if (complete || readyLevels > client.readyLevels) waiting.has(client) || requestFrame(client);
+        done = complete;
+      } catch {
+        // The next picture meets the same error, and says so.
+        done = true;
+        requestFrame(client);
+      }
+    }
+    if (done) uploads.delete(client);
+  }
+  if (uploads.size > 0) uploadTask.port2.postMessage(null);
 }
 
 const clients = new Set();
@@ -110,6 +145,7 @@ export function requestFrame(client) {
     frame = 0;
     const now = [...waiting];
     waiting.clear();
+    uploadDeadline = performance.now() + UPLOAD_MS;
     for (const client of now) client.frame(time);
   });
 }

@@ -1,12 +1,16 @@
 //! A mesh's mirror on the GPU: textures of vertices, forest, normals and texture coordinates, and the indices.
 //!
-//! It follows the core as levels arrive, a slice a frame; a level is *ready* once all of it is here, normals included.
-//! Uploading early is harmless, since a prefix does not see past itself. Buffers double from the processor's copy.
+//! It follows the core as levels arrive, in steps of a fraction of a millisecond until a frame's time for it is over; a
+//! level is *ready* once all of it is here, normals included. Uploading early is harmless, since a prefix does not see past
+//! itself. Textures double, their texels copied by the GPU.
 
-use super::pipelines::{Pipelines, image};
+use super::image::ImageUpload;
+use super::index_chunks::{IndexChunks, Primitive};
+use super::pipelines::Pipelines;
 use crate::error::error;
 use crate::model::State;
 use crate::shader::{FLAG_GIVEN_NORMALS, FLAG_IMAGE, Uniforms};
+use crate::stream::now;
 use crate::texels;
 use pmesh_core::forest::JumpForest;
 use pmesh_core::normals::NormalAccumulator;
@@ -14,18 +18,18 @@ use wasm_bindgen::JsValue;
 
 /// Texels a row: 4,096 where the adapter has them.
 const ROW_TEXELS: u32 = 4096;
-/// Bytes uploaded a call, about: a few milliseconds.
-const UPLOAD_BUDGET: u64 = 1 << 20;
-/// Triangles whose normals are summed a call.
-const NORMAL_BUDGET: usize = 40_000;
-/// Corners a page of the index buffer.
-const PAGE: usize = 4096;
+/// Milliseconds of a frame's uploads while there is no picture yet, the first step not counted.
+const FIRST_MS: f64 = 4.0;
+/// Triangles whose normals are summed a step.
+const NORMAL_STEP: usize = 10_000;
 
 pub(super) struct Uploader<'a> {
     pub(super) device: &'a wgpu::Device,
     pub(super) queue: &'a wgpu::Queue,
     pub(super) pipelines: &'a Pipelines,
     pub(super) texture_side: u32,
+    /// `performance.now()` at which the frame's time for uploads is over.
+    pub(super) deadline: f64,
 }
 
 struct Textures {
@@ -36,6 +40,15 @@ struct Textures {
     rows: u32,
 }
 
+/// Normals on their way to the GPU.
+struct Normals {
+    /// Levels they are for.
+    levels: u32,
+    sums: NormalAccumulator,
+    /// Uploaded up to this vertex, once all is summed.
+    uploaded: Option<u32>,
+}
+
 pub(super) struct GpuMesh {
     uniforms: wgpu::Buffer,
     row: u32,
@@ -43,16 +56,13 @@ pub(super) struct GpuMesh {
     group: Option<wgpu::BindGroup>,
     links: JumpForest,
     image: Option<wgpu::TextureView>,
-    indices: Option<wgpu::Buffer>,
-    index_capacity: usize,
-    dirty_pages: Vec<bool>,
-    lines: Option<(wgpu::Buffer, u32)>,
+    image_upload: Option<ImageUpload>,
+    faces: IndexChunks,
+    /// Kept from the first time that edges are drawn.
+    lines: Option<IndexChunks>,
     uploaded_vertices: u32,
-    uploaded_corners: usize,
-    normals: Option<NormalAccumulator>,
-    /// Computed normals as uploaded, for when the textures are replaced by larger ones.
-    packed_normals: Vec<u32>,
-    /// Levels whose normals are uploaded.
+    normals: Option<Normals>,
+    /// Levels, from the coarsest, whose normals are uploaded.
     normal_levels: u32,
     ready: u32,
     complete: bool,
@@ -60,7 +70,7 @@ pub(super) struct GpuMesh {
     has_texcoords: bool,
 }
 
-fn buffer(device: &wgpu::Device, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+pub(super) fn buffer(device: &wgpu::Device, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
     device.create_buffer(&wgpu::BufferDescriptor {
         label: None,
         size,
@@ -78,14 +88,11 @@ impl GpuMesh {
             group: None,
             links: JumpForest::default(),
             image: None,
-            indices: None,
-            index_capacity: 0,
-            dirty_pages: Vec::new(),
+            image_upload: None,
+            faces: IndexChunks::new(Primitive::Faces),
             lines: None,
             uploaded_vertices: 0,
-            uploaded_corners: 0,
             normals: None,
-            packed_normals: Vec::new(),
             normal_levels: 0,
             ready: 0,
             complete: false,
@@ -115,57 +122,76 @@ impl GpuMesh {
         (if self.given_normals { FLAG_GIVEN_NORMALS } else { 0 }) | if image { FLAG_IMAGE } else { 0 }
     }
 
-    pub(super) fn set_image(
-        &mut self,
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        pipelines: &Pipelines,
-        width: u32,
-        height: u32,
-        pixels: Vec<u8>,
-    ) {
-        self.image = Some(image(device, queue, &texels::mipmaps(width, height, pixels)));
-        self.bind(device, pipelines);
+    pub(super) fn set_image(&mut self, upload: ImageUpload) {
+        self.image_upload = Some(upload);
     }
 
-    /// Brings the mirror closer to the mesh by a slice; gives the bytes uploaded.
+    /// Brings the mirror closer to the mesh until the deadline, by a step at least; gives the bytes uploaded.
     pub(super) fn sync(&mut self, up: &Uploader, state: &mut State, wireframe: bool) -> Result<u64, JsValue> {
         for corner in std::mem::take(&mut state.changed_corners) {
-            if let Some(page) = self.dirty_pages.get_mut(corner as usize / PAGE) {
-                *page = true;
+            self.faces.touch(corner as usize / 3);
+            if let Some(lines) = &mut self.lines {
+                lines.touch(corner as usize / 3);
             }
         }
-        let mesh = state.mesh();
-        let set = mesh.attribute_set();
+        let set = state.mesh().attribute_set();
         (self.given_normals, self.has_texcoords) = (set.normals, set.texcoords);
-        // What is complete when the slice begins is what it can make ready.
-        let levels = mesh.arrived_levels();
-        let mut spent = self.reserve(up, state)?;
-        spent += self.upload_vertices(up, state);
-        if spent < UPLOAD_BUDGET {
-            spent += self.upload_corners(up, state, UPLOAD_BUDGET - spent);
-        }
-        let mesh = state.mesh();
-        let geometry = self.uploaded_vertices as usize == mesh.vertices().len()
-            && self.uploaded_corners == mesh.triangles().len() * 3
-            && !self.dirty_pages.contains(&true);
-        if geometry && levels > self.normal_levels {
-            spent += self.step_normals(up, state, levels);
-        }
-        if geometry && self.normal_levels == levels {
-            self.ready = levels;
-        }
-        self.complete = geometry && self.ready == state.mesh().arrived_levels();
-        if wireframe && self.complete {
-            spent += self.build_lines(up, state);
+        let (mut spent, mut deadline, mut first) = (0, up.deadline, true);
+        loop {
+            match self.step(up, state, wireframe)? {
+                None => break,
+                Some(bytes) => spent += bytes,
+            }
+            // Writes wait for a submission: let each step pay for its own.
+            up.queue.submit([]);
+            // The very first step waits for the GPU; what the first picture needs beside it is little.
+            deadline = if first && self.ready == 0 { now() + FIRST_MS } else { deadline };
+            first = false;
+            if now() >= deadline {
+                break;
+            }
         }
         Ok(spent)
     }
 
-    /// Grows textures and index buffer by doubling; what they held is uploaded again.
-    fn reserve(&mut self, up: &Uploader, state: &State) -> Result<u64, JsValue> {
-        let (vertices, corners) = (state.mesh().vertices().len() as u32, state.mesh().triangles().len() * 3);
-        let mut spent = 0;
+    /// Does a little of what is missing; the bytes uploaded, or `None` if nothing is missing.
+    fn step(&mut self, up: &Uploader, state: &State, wireframe: bool) -> Result<Option<u64>, JsValue> {
+        let mesh = state.mesh();
+        let (levels, triangles) = (mesh.arrived_levels(), mesh.triangles());
+        self.complete = false;
+        if (self.uploaded_vertices as usize) < mesh.vertices().len() {
+            self.reserve(up, mesh.vertices().len() as u32)?;
+            return Ok(Some(self.upload_vertices(up, state)));
+        }
+        if !self.faces.is_current(triangles.len()) {
+            return Ok(Some(self.faces.step(up, triangles)));
+        }
+        if levels > self.normal_levels {
+            let bytes = self.step_normals(up, state, levels);
+            self.ready = self.normal_levels;
+            return Ok(Some(bytes));
+        }
+        if let Some(upload) = &mut self.image_upload {
+            let (bytes, whole) = upload.step(up.queue);
+            if whole.is_some() {
+                self.image = whole;
+                self.image_upload = None;
+                self.bind(up.device, up.pipelines);
+            }
+            return Ok(Some(bytes));
+        }
+        if wireframe {
+            let lines = self.lines.get_or_insert_with(|| IndexChunks::new(Primitive::Lines));
+            if !lines.is_current(triangles.len()) {
+                return Ok(Some(lines.step(up, triangles)));
+            }
+        }
+        self.complete = true;
+        Ok(None)
+    }
+
+    /// Makes room for `vertices`: larger textures, to which the GPU copies what there is.
+    fn reserve(&mut self, up: &Uploader, vertices: u32) -> Result<(), JsValue> {
         self.row = ROW_TEXELS.min(up.texture_side);
         let rows = vertices.div_ceil(self.row).max(1);
         if rows > up.texture_side {
@@ -176,29 +202,14 @@ impl GpuMesh {
             return Err(error("too-large", &message));
         }
         if self.textures.as_ref().is_none_or(|t| t.rows < rows) {
-            let rows = rows.next_power_of_two().min(up.texture_side);
-            self.textures = Some(Textures::new(up.device, self.row, rows, self.has_texcoords));
+            let larger = Textures::new(up.device, self.row, rows.next_power_of_two().min(up.texture_side), self.has_texcoords);
+            if let Some(old) = &self.textures {
+                old.copy_to(&larger, up);
+            }
+            self.textures = Some(larger);
             self.bind(up.device, up.pipelines);
-            // What was drawn must still be there in this frame: it goes up again at once.
-            let before = std::mem::take(&mut self.uploaded_vertices);
-            while self.uploaded_vertices < before {
-                spent += self.upload_vertices(up, state);
-            }
-            if let Some(t) = self.textures.as_ref().filter(|_| !self.given_normals) {
-                spent += self.write(up, &t.normals, 0, 1, self.packed_normals.iter().copied());
-            }
         }
-        if self.indices.is_none() || self.index_capacity < corners {
-            self.index_capacity = corners.next_power_of_two().max(3 * PAGE);
-            // WebGL wants index buffers to be nothing else.
-            self.indices = Some(buffer(up.device, self.index_capacity as u64 * 4, wgpu::BufferUsages::INDEX));
-            let before = std::mem::take(&mut self.uploaded_corners);
-            while self.uploaded_corners < before {
-                spent += self.upload_corners(up, state, UPLOAD_BUDGET);
-            }
-        }
-        self.dirty_pages.resize(corners.div_ceil(PAGE).max(self.dirty_pages.len()), false);
-        Ok(spent)
+        Ok(())
     }
 
     fn bind(&mut self, device: &wgpu::Device, pipelines: &Pipelines) {
@@ -225,11 +236,10 @@ impl GpuMesh {
         if self.uploaded_vertices == total {
             return 0;
         }
-        self.links.grow(mesh.representatives());
-        // Whole rows, from the one that the next vertex is in.
+        // To the end of the row that the next vertex is in.
         let first = self.uploaded_vertices / self.row * self.row;
-        let rows = (UPLOAD_BUDGET / (u64::from(self.row) * 32)).max(1) as u32;
-        let end = total.min(first + rows * self.row);
+        let end = total.min(first + self.row);
+        self.links.grow(&mesh.representatives()[..end as usize]);
         let a = &mesh.vertices().attributes;
         let range = first as usize..end as usize;
         let color = |v: usize| a.colors.get(v).copied();
@@ -266,100 +276,54 @@ impl GpuMesh {
         bytes.len() as u64
     }
 
-    fn upload_corners(&mut self, up: &Uploader, state: &State, budget: u64) -> u64 {
-        let corners = state.mesh().triangles().as_flattened();
-        let Some(indices) = &self.indices else { return 0 };
-        let mut spent = 0;
-        let mut write = |from: usize, to: usize| {
-            let bytes: Vec<u8> = corners[from..to].iter().flat_map(|v| v.to_le_bytes()).collect();
-            up.queue.write_buffer(indices, from as u64 * 4, &bytes);
-            spent += bytes.len() as u64;
-            self.lines = None;
-            spent < budget
-        };
-        // Old pages that changed, in runs.
-        let mut page = 0;
-        let known = self.uploaded_corners;
-        while let Some(first) = (page..self.dirty_pages.len()).find(|&p| self.dirty_pages[p]) {
-            let mut last = first;
-            while last < self.dirty_pages.len() && self.dirty_pages[last] && last - first < 16 {
-                self.dirty_pages[last] = false;
-                last += 1;
-            }
-            page = last;
-            let (from, to) = (first * PAGE, (last * PAGE).min(known));
-            if from < to && !write(from, to) {
-                return spent;
-            }
-        }
-        while self.uploaded_corners < corners.len() {
-            let to = corners.len().min(self.uploaded_corners + 16 * PAGE);
-            let more = write(self.uploaded_corners, to);
-            self.uploaded_corners = to;
-            if !more {
-                break;
-            }
-        }
-        spent
-    }
-
-    /// Sums normals of level `levels` in slices and uploads them at the end; given ones are here already.
+    /// Sums and uploads normals of the newest level; given ones are here already.
     fn step_normals(&mut self, up: &Uploader, state: &State, levels: u32) -> u64 {
+        let mesh = state.mesh();
         if self.given_normals {
             self.normal_levels = levels;
             return 0;
         }
-        let mesh = state.mesh();
         let finest = mesh.level_count() - levels;
         let count = |r: Result<u32, _>| r.unwrap_or(0) as usize;
         let (vertices, triangles) = (count(mesh.vertex_end(finest)), count(mesh.triangle_count(finest)));
-        let sums = self.normals.get_or_insert_with(|| NormalAccumulator::new(vertices));
-        if sums.vertex_count() != vertices {
-            // Another level has ended meanwhile: its normals will do for this one too.
-            *sums = NormalAccumulator::new(vertices);
-        }
-        let positions = &mesh.vertices().positions;
-        if !sums.add((positions, mesh.representatives()), &mesh.triangles()[..triangles], NORMAL_BUDGET) {
+        // If another level has ended since, its normals will do for the one before too; but what is summed is shown.
+        let going = self.normals.take().filter(|n| n.levels == levels || n.uploaded.is_some());
+        let mut normals = going.unwrap_or_else(|| Normals { levels, sums: NormalAccumulator::new(vertices), uploaded: None });
+        let Some(from) = normals.uploaded else {
+            let corners = (&mesh.vertices().positions[..], mesh.representatives());
+            if normals.sums.add(corners, &mesh.triangles()[..triangles], NORMAL_STEP) {
+                normals.sums.join(mesh.seams());
+                normals.uploaded = Some(0);
+            }
+            self.normals = Some(normals);
             return 0;
+        };
+        let Some(t) = &self.textures else { return 0 };
+        let total = normals.sums.vertex_count() as u32;
+        let end = total.min(from + self.row);
+        let bytes = self.write(up, &t.normals, from, 1, (from..end).map(|v| texels::normal(normals.sums.normal(v))));
+        if end == total {
+            self.normal_levels = normals.levels;
+        } else {
+            self.normals = Some(Normals { uploaded: Some(end), ..normals });
         }
-        let normals = self.normals.take().map(|s| s.finish(mesh.seams())).unwrap_or_default();
-        self.normal_levels = levels;
-        self.packed_normals = normals.into_iter().map(texels::normal).collect();
-        match &self.textures {
-            Some(t) => self.write(up, &t.normals, 0, 1, self.packed_normals.iter().copied()),
-            None => 0,
-        }
-    }
-
-    fn build_lines(&mut self, up: &Uploader, state: &State) -> u64 {
-        let triangles = state.mesh().triangles();
-        if self.lines.as_ref().is_some_and(|l| l.1 == triangles.len() as u32) {
-            return 0;
-        }
-        let corners = triangles.iter().flat_map(|[a, b, c]| [*a, *b, *b, *c, *c, *a]);
-        let bytes: Vec<u8> = corners.flat_map(u32::to_le_bytes).collect();
-        let lines = buffer(up.device, bytes.len().max(4) as u64, wgpu::BufferUsages::INDEX);
-        up.queue.write_buffer(&lines, 0, &bytes);
-        self.lines = Some((lines, triangles.len() as u32));
-        bytes.len() as u64
+        bytes
     }
 
     pub(super) fn draw_faces(&self, pass: &mut wgpu::RenderPass, triangles: u32) {
-        if let Some(indices) = &self.indices {
-            pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
-            pass.draw_indexed(0..triangles * 3, 0, 0..1);
-        }
+        self.faces.draw(pass, triangles as usize);
     }
     pub(super) fn draw_lines(&self, pass: &mut wgpu::RenderPass, triangles: u32) {
-        if let Some((lines, count)) = &self.lines {
-            pass.set_index_buffer(lines.slice(..), wgpu::IndexFormat::Uint32);
-            pass.draw_indexed(0..triangles.min(*count) * 6, 0, 0..1);
+        if let Some(lines) = &self.lines {
+            lines.draw(pass, triangles as usize);
         }
     }
 }
 
 impl Textures {
     fn new(device: &wgpu::Device, width: u32, rows: u32, texcoords: bool) -> Self {
+        use wgpu::TextureFormat::{R32Uint, Rg32Uint, Rgba32Uint};
+        use wgpu::TextureUsages as U;
         let texture = |format, width, height| {
             device.create_texture(&wgpu::TextureDescriptor {
                 label: None,
@@ -368,11 +332,10 @@ impl Textures {
                 sample_count: 1,
                 dimension: wgpu::TextureDimension::D2,
                 format,
-                usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+                usage: U::TEXTURE_BINDING | U::COPY_DST | U::COPY_SRC,
                 view_formats: &[],
             })
         };
-        use wgpu::TextureFormat::{R32Uint, Rg32Uint, Rgba32Uint};
         let (tw, th) = if texcoords { (width, rows) } else { (1, 1) };
         Self {
             vertices: texture(Rgba32Uint, width, rows),
@@ -381,5 +344,19 @@ impl Textures {
             texcoords: texture(Rg32Uint, tw, th),
             rows,
         }
+    }
+    /// Has the GPU copy all texels to textures that are larger.
+    fn copy_to(&self, to: &Textures, up: &Uploader) {
+        let mut encoder = up.device.create_command_encoder(&Default::default());
+        let pairs = [
+            (&self.vertices, &to.vertices),
+            (&self.forest, &to.forest),
+            (&self.normals, &to.normals),
+            (&self.texcoords, &to.texcoords),
+        ];
+        for (from, to) in pairs {
+            encoder.copy_texture_to_texture(from.as_image_copy(), to.as_image_copy(), from.size());
+        }
+        up.queue.submit([encoder.finish()]);
     }
 }

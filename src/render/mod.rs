@@ -4,6 +4,8 @@
 //! shared canvas, and copies it to its own before the next is drawn.
 
 mod gpu_mesh;
+mod image;
+mod index_chunks;
 mod pipelines;
 mod targets;
 
@@ -11,6 +13,7 @@ use crate::error::error;
 use crate::model::{Model, ViewOptions};
 use crate::shader::{self, Uniforms};
 use gpu_mesh::{GpuMesh, Uploader};
+use image::ImageUpload;
 use pipelines::Pipelines;
 use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
@@ -19,6 +22,13 @@ use wasm_bindgen::prelude::*;
 
 #[wasm_bindgen(typescript_custom_section)]
 const TYPES: &str = r#"
+/** What an upload is for. */
+export interface UploadOptions {
+  /** Edges too. */
+  wireframe: boolean;
+  /** `performance.now()` until which geometry may be uploaded; at least a step is. A few milliseconds from now by default. */
+  deadline?: number;
+}
 /** How a picture is drawn. */
 export interface DrawOptions extends ViewOptions {
   /** Red, green, blue, alpha, 0 to 1; alpha 0 is transparent. */
@@ -30,6 +40,8 @@ export interface DrawOptions extends ViewOptions {
   representatives: boolean;
   /** Level to draw, if other than the model's: an animation on its way there. */
   shownLevel?: number;
+  /** `performance.now()` until which geometry may be uploaded; at least a step is. A few milliseconds from now by default. */
+  deadline?: number;
 }
 /** What a draw did. */
 export interface DrawResult {
@@ -58,6 +70,15 @@ extern "C" {
     fn representatives(this: &DrawOptions) -> bool;
     #[wasm_bindgen(method, getter, js_name = shownLevel)]
     fn shown_level(this: &DrawOptions) -> Option<f64>;
+    #[wasm_bindgen(method, getter)]
+    fn deadline(this: &DrawOptions) -> Option<f64>;
+    /// An `UploadOptions`.
+    #[wasm_bindgen(typescript_type = "UploadOptions")]
+    pub type UploadOptions;
+    #[wasm_bindgen(method, getter)]
+    fn wireframe(this: &UploadOptions) -> bool;
+    #[wasm_bindgen(method, getter)]
+    fn deadline(this: &UploadOptions) -> Option<f64>;
     /// A `DrawResult`.
     #[wasm_bindgen(typescript_type = "DrawResult")]
     pub type DrawResult;
@@ -65,6 +86,9 @@ extern "C" {
 
 /// Cosine of the angle between face and smooth normal beyond which an edge is shown sharp.
 const CREASE_COSINE: f32 = 0.72;
+
+/// Milliseconds of uploading a draw, if the page sets no deadline.
+const UPLOAD_MS: f64 = 4.0;
 
 /// Draws models of any number of elements, one after the other.
 #[wasm_bindgen]
@@ -125,7 +149,8 @@ impl Renderer {
         self.meshes.borrow_mut().remove(&model.id);
     }
 
-    /// Gives a model its base-colour image: 8 bits a channel, red green blue alpha, rows from the top.
+    /// Gives a model its base-colour image: 8 bits a channel, red green blue alpha, rows from the top. It is uploaded as
+    /// geometry is, and shows once it is whole; until then the one before it does.
     #[wasm_bindgen(js_name = setImage)]
     pub fn set_image(&self, model: &Model, width: u32, height: u32, pixels: Vec<u8>) -> Result<(), JsValue> {
         let fits = |n: u32| (1..=self.texture_side).contains(&n);
@@ -134,19 +159,40 @@ impl Renderer {
         }
         let mut meshes = self.meshes.borrow_mut();
         let mesh = meshes.entry(model.id).or_insert_with(|| GpuMesh::new(&self.device));
-        mesh.set_image(&self.device, &self.queue, &self.pipelines, width, height, pixels);
+        mesh.set_image(ImageUpload::new(&self.device, width, height, pixels));
         Ok(())
     }
 
-    /// Draws a model at the top left of the canvas. Uploads what is new, at most about a megabyte a call.
-    pub fn draw(&self, model: &Model, options: &DrawOptions) -> Result<DrawResult, JsValue> {
-        let mut state = model.state.borrow_mut();
+    fn sync(&self, model: &Model, wireframe: bool, deadline: Option<f64>) -> Result<(), JsValue> {
         let mut meshes = self.meshes.borrow_mut();
         let gpu = meshes.entry(model.id).or_insert_with(|| GpuMesh::new(&self.device));
-        let uploader =
-            Uploader { device: &self.device, queue: &self.queue, pipelines: &self.pipelines, texture_side: self.texture_side };
-        let uploaded = gpu.sync(&uploader, &mut state, options.wireframe())?;
+        let uploader = Uploader {
+            device: &self.device,
+            queue: &self.queue,
+            pipelines: &self.pipelines,
+            texture_side: self.texture_side,
+            deadline: deadline.unwrap_or_else(|| crate::stream::now() + UPLOAD_MS),
+        };
+        let uploaded = gpu.sync(&uploader, &mut model.state.borrow_mut(), wireframe)?;
         self.uploaded.set(self.uploaded.get() + uploaded as f64);
+        Ok(())
+    }
+
+    /// Uploads what is new of a model, until the deadline. The result's level is -1 and its triangles 0.
+    pub fn upload(&self, model: &Model, options: &UploadOptions) -> Result<DrawResult, JsValue> {
+        self.sync(model, options.wireframe(), options.deadline())?;
+        let meshes = self.meshes.borrow();
+        Ok(meshes
+            .get(&model.id)
+            .map_or_else(|| result(false, 0, -1.0, 0), |g| result(g.is_complete(), g.ready_levels(), -1.0, 0)))
+    }
+
+    /// Draws a model at the top left of the canvas. Uploads what is new, until the deadline.
+    pub fn draw(&self, model: &Model, options: &DrawOptions) -> Result<DrawResult, JsValue> {
+        self.sync(model, options.wireframe(), options.deadline())?;
+        let state = model.state.borrow();
+        let mut meshes = self.meshes.borrow_mut();
+        let gpu = meshes.entry(model.id).or_insert_with(|| GpuMesh::new(&self.device));
         let (orbit, width, height) = options.orbit();
         let view = orbit.view(state.bounds());
         let mesh = state.mesh();

@@ -69,7 +69,7 @@ impl Pipelines {
             mipmap_filter: wgpu::MipmapFilterMode::Linear,
             ..Default::default()
         });
-        let white = image(device, queue, &[(1, 1, vec![255; 4])]);
+        let white = super::image::white(device, queue);
         Ok(Self { faces, lines, layout, sampler, white })
     }
 }
@@ -94,30 +94,4 @@ fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     let sampler = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
     entries.push(entry(6, wgpu::ShaderStages::FRAGMENT, sampler));
     device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
-}
-
-/// An image with its mipmaps.
-pub(super) fn image(device: &wgpu::Device, queue: &wgpu::Queue, levels: &[(u32, u32, Vec<u8>)]) -> wgpu::TextureView {
-    let (width, height, _) = levels[0];
-    let texture = device.create_texture(&wgpu::TextureDescriptor {
-        label: None,
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-        mip_level_count: levels.len() as u32,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: wgpu::TextureFormat::Rgba8Unorm,
-        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-        view_formats: &[],
-    });
-    for (mip, (width, height, pixels)) in levels.iter().enumerate() {
-        let to = wgpu::TexelCopyTextureInfo {
-            texture: &texture,
-            mip_level: mip as u32,
-            origin: wgpu::Origin3d::ZERO,
-            aspect: wgpu::TextureAspect::All,
-        };
-        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(width * 4), rows_per_image: None };
-        queue.write_texture(to, pixels, layout, wgpu::Extent3d { width: *width, height: *height, depth_or_array_layers: 1 });
-    }
-    texture.create_view(&Default::default())
 }

@@ -72,6 +72,7 @@ export async function openPage(browser, base, size = { width: 800, height: 600 }
       });
     /** Resolves after the element has drawn with nothing left to upload or to morph. */
     window.settled = async (mesh) => {
+      await mesh.toBlob();
       let last = null;
       for (let same = 0; same < 4; ) {
         await new Promise((resolve) => requestAnimationFrame(resolve));

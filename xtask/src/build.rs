@@ -8,11 +8,12 @@ use std::path::{Path, PathBuf};
 /// Samples of the gallery; `pmesh sample --help` says what they are.
 const SAMPLES: [&str; 5] = ["globe", "marble", "knot", "part", "tetrahedra"];
 /// Element files that go into the npm package beside the module.
-const ELEMENT_FILES: [&str; 7] = [
+const ELEMENT_FILES: [&str; 8] = [
     "pmesh-element.js",
     "pmesh-element.d.ts",
     "pmesh-attributes.js",
     "pmesh-controls.js",
+    "pmesh-image.js",
     "pmesh-loader.js",
     "pmesh-runtime.js",
     "pmesh-template.js",

@@ -61,12 +61,14 @@ impl ProgressiveMultilevelMesh {
         let moved = self.versions.as_mut().map(|v| v.complete()).unwrap_or_default();
         let mut corners = Vec::new();
         if !moved.is_empty() {
-            for (t, triangle) in self.triangles.iter_mut().enumerate() {
-                for (k, v) in triangle.iter_mut().enumerate() {
-                    if let Ok(at) = moved.binary_search_by_key(v, |m| m.0) {
-                        *v = moved[at].1;
-                        corners.push((3 * t + k) as u32);
-                    }
+            // A table: one look a corner, however many vertices moved.
+            let mut newest = vec![NO_REPRESENTATIVE; self.vertices.len()];
+            moved.iter().for_each(|&(old, new)| newest[old as usize] = new);
+            for (corner, v) in self.triangles.as_flattened_mut().iter_mut().enumerate() {
+                let to = newest[*v as usize];
+                if to != NO_REPRESENTATIVE {
+                    *v = to;
+                    corners.push(corner as u32);
                 }
             }
         }

@@ -39,9 +39,8 @@ impl NormalAccumulator {
         self.next_triangle = end;
         end == triangles.len()
     }
-    /// Unit normals; vertices that share a position (`seams`, as in `IndexedMesh::position_of`) share one. A vertex without
-    /// area gets +z.
-    pub fn finish(mut self, seams: &[(u32, u32)]) -> Vec<[f32; 3]> {
+    /// Gives vertices that share a position (`seams`, as in `IndexedMesh::position_of`) one sum; once, when all is in.
+    pub fn join(&mut self, seams: &[(u32, u32)]) {
         let known = |v: u32| (v as usize) < self.sums.len();
         let seams: Vec<_> = seams.iter().filter(|&&(v, p)| known(v) && known(p)).collect();
         for &&(v, p) in &seams {
@@ -51,7 +50,10 @@ impl NormalAccumulator {
         for &&(v, p) in &seams {
             self.sums[v as usize] = self.sums[p as usize];
         }
-        self.sums.iter().map(|&n| unit(n)).collect()
+    }
+    /// The unit normal of a vertex; +z if it has no area.
+    pub fn normal(&self, v: u32) -> [f32; 3] {
+        unit(self.sums[v as usize])
     }
 }
 
@@ -59,7 +61,8 @@ impl NormalAccumulator {
 pub fn smooth_normals(positions: &[[f32; 3]], triangles: &[[u32; 3]], seams: &[(u32, u32)]) -> Vec<[f32; 3]> {
     let mut sums = NormalAccumulator::new(positions.len());
     sums.add((positions, &[]), triangles, usize::MAX);
-    sums.finish(seams)
+    sums.join(seams);
+    (0..positions.len() as u32).map(|v| sums.normal(v)).collect()
 }
 
 fn sub(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
