@@ -1,6 +1,6 @@
 //! Encode, decode, level selection, memory and simplification error on real meshes.
 //!
-//! `cargo bench -p pmesh-build -- [--quality | --verify] [FILE…]`; without files, the samples, and the meshes that lie in
+//! `cargo bench -p pmesh-build -- [--quality | --verify | --steps] [FILE…]`; without files, the samples, and the meshes that lie in
 //! ../shared/models beside the project. Times are wall-clock seconds of one run: compare within it.
 #![allow(missing_docs)]
 // Times are what this is for.
@@ -9,11 +9,13 @@
 use pmesh_build::compare::difference;
 use pmesh_build::import::{Model, import};
 use pmesh_build::measure::deviation;
-use pmesh_build::pipeline::{BuildOptions, build};
+use pmesh_build::pipeline::{BuildOptions, Method, Steps, build};
 use pmesh_build::sample::{SAMPLES, sample};
 use pmesh_build::simplify::{Placement, SimplifyOptions, simplify};
-use pmesh_codec::Receiver;
 use pmesh_codec::pmesh::{EncodeOptions, encode, quantise};
+use pmesh_codec::{Receiver, slod};
+use pmesh_core::ProgressiveMultilevelMesh;
+use pmesh_core::stepped::SteppedLevel;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -121,6 +123,43 @@ fn verify(name: &str, model: &Model) -> Outcome {
 }
 
 /// A thousand places in a file, ascending; the same every time.
+/// Smooth levels of detail: what building, coding and stepping cost. Stepping costs what changes (B.11).
+fn steps(name: &str, model: &Model) -> Outcome {
+    let options = BuildOptions { method: Method::Closest, steps: Steps::Single, ..Default::default() };
+    let (stream, build_s) = timed(|| build(model, &options, |_| ()));
+    let mut mesh = ProgressiveMultilevelMesh::new(model.mesh.vertices.set());
+    stream?.levels.iter().try_for_each(|l| mesh.add_level(l).map(drop))?;
+    let mut bytes = Vec::new();
+    let (report, encode_s) = timed(|| slod::encode(&mesh, &mut bytes));
+    let mut receiver = Receiver::default();
+    let (pushed, decode_s) = timed(|| receiver.push(&bytes));
+    pushed?;
+    let (n, t) = (mesh.level_count(), f64::from(report?.triangles) / 1e6);
+    print!(
+        "{name:<14} {n:>8} vertices  cluster {build_s:.2} s  encode {:.2} MT/s  decode {:.2} MT/s ",
+        t / encode_s,
+        t / decode_s
+    );
+    let mut stepped = SteppedLevel::default();
+    stepped.set_level(&mesh, n / 2)?;
+    for part in [0.01, 0.1, 1.0] {
+        let half = (f64::from(n) * part / 2.0) as u32;
+        let (low, high) = ((n / 2).saturating_sub(half), (n / 2 + half).min(n - 1));
+        stepped.set_level(&mesh, high)?;
+        let (touched, finer_s) = timed(|| stepped.set_level(&mesh, low));
+        let (_, coarser_s) = timed(|| stepped.set_level(&mesh, high));
+        let (_, fresh_s) = timed(|| mesh.triangles_at(low));
+        let (finer, coarser, fresh) = (finer_s * 1e3, coarser_s * 1e3, fresh_s * 1e3);
+        print!(
+            " | {:.0} %: finer {finer:.3} ms ({} corners), coarser {coarser:.3}, by path compression {fresh:.3}",
+            part * 100.0,
+            touched?
+        );
+    }
+    println!();
+    Ok(())
+}
+
 fn random_cuts(length: usize) -> Vec<usize> {
     let mut state = 0x2545_f491u64;
     let mut next = || {
@@ -135,7 +174,12 @@ fn random_cuts(length: usize) -> Vec<usize> {
 fn main() -> Outcome {
     let (flags, files): (Vec<String>, Vec<String>) = std::env::args().skip(1).partition(|a| a.starts_with("--"));
     let has = |flag: &str| flags.iter().any(|f| f == flag);
-    let run = if has("--quality") {
+    let run = if has("--steps") {
+        println!(
+            "smooth levels (SS97): clustering, .slod both ways, and a step of 1, 10 and 100 % of the vertices by either way"
+        );
+        steps
+    } else if has("--quality") {
         println!("mesh, placement, seconds; RMS / maximum error, 1e-4 of the diagonal, at 10 %, 1 % and 0.1 % of the triangles");
         quality
     } else if has("--verify") {

@@ -3,7 +3,7 @@
 use crate::arrange::{Forest, arrange, triangle_level};
 use crate::cluster::with_moves;
 use crate::import::Model;
-use crate::simplify::{Collapses, Placement, SimplifyOptions, simplify};
+use crate::simplify::{Collapses, Placement, SimplifyOptions, cluster_closest, simplify};
 use crate::{BuildError, rule};
 use pmesh_codec::pmesh::LevelStream;
 use pmesh_core::forest::NO_REPRESENTATIVE;
@@ -16,6 +16,18 @@ pub enum Steps {
     Growth(f64),
     /// This many levels, growing by equal factors.
     Count(u32),
+    /// A level a vertex, for streams that are as smooth.
+    Single,
+}
+
+/// What makes the list of collapses.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Method {
+    /// Quadric edge collapse.
+    #[default]
+    Quadric,
+    /// SS97's clustering of closest representatives, down to one vertex whatever the base.
+    Closest,
 }
 
 /// Which cuts of the collapse list become levels.
@@ -33,6 +45,8 @@ pub enum LevelRule {
 pub struct BuildOptions {
     /// Triangles of the coarsest level, about; 0 leaves a vertex a component.
     pub base_triangles: usize,
+    /// What makes the collapses.
+    pub method: Method,
     /// Half-edge collapses, or moving ones.
     pub placement: Placement,
     /// How many levels.
@@ -43,7 +57,8 @@ pub struct BuildOptions {
 
 impl Default for BuildOptions {
     fn default() -> Self {
-        Self { base_triangles: 60, placement: Placement::Kept, steps: Steps::Growth(1.5), rule: LevelRule::Cost }
+        let (method, placement, rule) = Default::default();
+        Self { base_triangles: 60, method, placement, steps: Steps::Growth(1.5), rule }
     }
 }
 
@@ -68,7 +83,21 @@ pub fn build(model: &Model, options: &BuildOptions, mut progress: impl FnMut(f64
     let (total, target) = (mesh.triangles.len(), options.base_triangles);
     let done = |left: usize| (total - left) as f64 / (total - target.min(total)).max(1) as f64;
     let simplify_options = SimplifyOptions { target_triangles: target, placement: options.placement };
-    let collapses = simplify(mesh, simplify_options, |left| progress(0.8 * done(left)))?;
+    let collapses = match options.method {
+        Method::Quadric => simplify(mesh, simplify_options, |left| progress(0.8 * done(left)))?,
+        Method::Closest => {
+            if (options.placement, options.rule) != Default::default() {
+                return Err(BuildError::Option(
+                    "closest representatives stay where they are, and their order is the levels'".into(),
+                ));
+            }
+            let mut list = cluster_closest(mesh, |left| progress(0.8 * (1.0 - left as f64 / mesh.vertices.len() as f64)));
+            if options.steps != Steps::Single {
+                list.truncate(target);
+            }
+            list
+        }
+    };
     progress(0.8);
     let cuts = cuts(&collapses, total, options.steps);
     let (forest, errors) = match options.rule {
@@ -95,12 +124,13 @@ fn cuts(collapses: &Collapses, total_triangles: usize, steps: Steps) -> Vec<usiz
     let growth = match steps {
         Steps::Growth(f) => f.max(ratio.powf(1.0 / (LEVEL_LIMIT as f64 - 2.0))),
         Steps::Count(1) => return vec![0],
+        Steps::Single => return (0..=all).collect(),
         Steps::Count(n) => ratio.powf(1.0 / f64::from(n - 1)).max(1.0 + 1e-9),
     };
     let mut cuts = vec![0];
     let wanted = match steps {
         Steps::Count(n) => n as usize,
-        Steps::Growth(_) => LEVEL_LIMIT,
+        Steps::Growth(_) | Steps::Single => LEVEL_LIMIT,
     };
     let mut size = total_triangles as f64;
     while cuts.len() + 1 < wanted {

@@ -10,7 +10,7 @@ use std::path::PathBuf;
     after_help = "Examples:\n  pmesh decode statue.pmesh -o statue.ply\n  pmesh decode statue.pmesh -o coarse.obj --level 6\n  pmesh decode statue.pmesh -o morph.ply --level 2.5     half way between levels 2 and 3\n  pmesh decode statue.pmesh -o early.ply --prefix 20000  what a client has after 20,000 bytes"
 )]
 pub struct Args {
-    /// The stream: .pmesh, .lod or .lod.gz
+    /// The stream
     input: PathBuf,
     /// Where to write: .ply or .obj
     #[arg(short, long)]

@@ -6,9 +6,10 @@ use crate::{input, output};
 use clap::ValueEnum;
 use flate2::{Compression, write::GzEncoder};
 use pmesh_build::import::Model;
-use pmesh_build::pipeline::{BuildOptions, LevelRule, Steps, build};
+use pmesh_build::pipeline::{BuildOptions, LevelRule, Method, Steps, build};
 use pmesh_build::simplify::Placement;
 use pmesh_codec::pmesh::{EncodeOptions, LevelStream, quantise};
+use pmesh_codec::slod;
 use pmesh_codec::text::{self, TextOptions, TextVariant};
 use pmesh_core::{Attributes, ProgressiveMultilevelMesh};
 use std::io::Write;
@@ -17,12 +18,12 @@ use std::path::{Path, PathBuf};
 /// Encode a mesh (OBJ, PLY, STL, OFF, glTF, GLB) as a progressive stream
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  pmesh encode statue.obj -o statue.pmesh\n  pmesh encode scan.ply -o scan.pmesh --bits 12 --growth 2\n  pmesh encode part.stl -o part.lod.gz --levels 8\n  pmesh encode bust.glb -o bust.pmesh --bits none   every float bit for bit"
+    after_help = "Examples:\n  pmesh encode statue.obj -o statue.pmesh\n  pmesh encode scan.ply -o scan.pmesh --bits 12 --growth 2\n  pmesh encode part.stl -o part.lod.gz --levels 8\n  pmesh encode bust.glb -o bust.pmesh --bits none   every float bit for bit\n  pmesh encode chair.obj -o chair.slod              a level a vertex (SS97)"
 )]
 pub struct Args {
-    /// The mesh, or a stream (.pmesh, .lod, .lod.gz) whose levels are kept
+    /// The mesh, or a stream whose levels are kept
     input: PathBuf,
-    /// Where to write: .pmesh, .lod or .lod.gz
+    /// Where to write: .pmesh, .lod, .lod.gz or .slod
     #[arg(short, long)]
     output: PathBuf,
     #[command(flatten)]
@@ -32,11 +33,14 @@ pub struct Args {
 /// What `encode` and `sample` share
 #[derive(clap::Args)]
 pub struct How {
+    /// Kind of stream [default: as the output's name says]
+    #[arg(long, value_enum)]
+    stream: Option<Stream>,
     /// Bits a coordinate, 8 to 16, or "none" to keep every float; the grid's step is the longest side / (2^N - 1) [default: 14
-    /// for .pmesh, none for .lod]
+    /// for .pmesh, none for the others]
     #[arg(long, value_parser = parse_bits)]
     bits: Option<Bits>,
-    /// Number of levels, 1 to 63
+    /// Number of levels, 1 to 63; a .slod has one a vertex
     #[arg(long, conflicts_with = "growth")]
     levels: Option<u32>,
     /// Factor by which triangles grow from level to level [default: 1.5]
@@ -45,7 +49,7 @@ pub struct How {
     /// Triangles of the coarsest level, about; 0 leaves one vertex a component [default: 60]
     #[arg(long)]
     base: Option<usize>,
-    /// How to simplify [default: half-edge]
+    /// How to simplify [default: half-edge, closest for .slod]
     #[arg(long, value_enum)]
     simplifier: Option<Simplifier>,
     /// Text format only: GV97's Surface Partition layout, all representatives after the coarsest level
@@ -67,10 +71,33 @@ fn parse_bits(text: &str) -> std::result::Result<Bits, String> {
     }
 }
 
-#[derive(Clone, Copy, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Stream {
+    /// Our own
+    Pmesh,
+    /// GV99's text; gzipped if the name ends in .gz
+    Lod,
+    /// SS97's packets, a level a vertex
+    Slod,
+}
+
+impl Stream {
+    fn of(path: &Path, how: &How) -> Result<Stream> {
+        let name = path.to_string_lossy().to_ascii_lowercase();
+        let known = [(".pmesh", Stream::Pmesh), (".lod", Stream::Lod), (".lod.gz", Stream::Lod), (".slod", Stream::Slod)];
+        let named = known.iter().find(|k| name.ends_with(k.0)).map(|k| k.1);
+        how.stream.or(named).ok_or_else(|| {
+            CliError::Other(format!("{}: write .pmesh, .lod, .lod.gz or .slod, or say which with --stream", path.display()))
+        })
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Simplifier {
     /// Vertices stay where they are; smallest files
     HalfEdge,
+    /// Clusters of closest representatives (SS97): any soup of triangles, by distance alone
+    Closest,
     /// Coarse vertices move to where they fit best; better coarse levels, larger files (.pmesh only)
     Moving,
     /// Half-edge collapses, levels by the exact rule of the paper (independent collapses)
@@ -78,6 +105,7 @@ enum Simplifier {
 }
 
 pub fn run(args: &Args, quiet: bool) -> Result<()> {
+    let kind = Stream::of(&args.output, &args.how)?;
     let bytes = input::read(&args.input)?;
     let stream = if input::is_stream(&args.input, &bytes) {
         args.how.warn_of_kept_levels(&args.input);
@@ -87,12 +115,12 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
         for warning in &model.warnings {
             eprintln!("warning: {}: {warning}", args.input.display());
         }
-        levels_of(&model, &args.input, &args.how, quiet)?
+        simplified(&model, &args.input, &args.how, kind, quiet)?
     };
     write_stream(stream, &args.output, &args.how, quiet)
 }
 
-fn kept_levels(path: &Path, bytes: &[u8]) -> Result<LevelStream> {
+pub fn kept_levels(path: &Path, bytes: &[u8]) -> Result<LevelStream> {
     let stream = input::decode_whole(path, bytes)?;
     let mesh = stream.receiver.mesh();
     let levels = mesh.to_levels().ok_or_else(|| {
@@ -131,14 +159,29 @@ impl How {
     }
 }
 
-/// Simplifies `model` as `how` says.
-pub fn levels_of(model: &Model, path: &Path, how: &How, quiet: bool) -> Result<LevelStream> {
+/// Simplifies `model` for the stream that `output` names, as `how` says.
+pub fn levels_of(model: &Model, output: &Path, how: &How, quiet: bool) -> Result<LevelStream> {
+    simplified(model, output, how, Stream::of(output, how)?, quiet)
+}
+
+fn simplified(model: &Model, path: &Path, how: &How, kind: Stream, quiet: bool) -> Result<LevelStream> {
     let default = BuildOptions::default();
+    let smooth = kind == Stream::Slod;
+    let closest = how.simplifier.map_or(smooth, |s| s == Simplifier::Closest);
+    if smooth && (how.levels.is_some() || how.growth.is_some()) {
+        return Err(CliError::Other("a .slod has a level a vertex: leave out --levels and --growth".into()));
+    }
     let options = BuildOptions {
+        method: if closest { Method::Closest } else { Method::Quadric },
         base_triangles: how.base.unwrap_or(default.base_triangles),
         placement: if matches!(how.simplifier, Some(Simplifier::Moving)) { Placement::Optimal } else { Placement::Kept },
         rule: if matches!(how.simplifier, Some(Simplifier::Star)) { LevelRule::Star } else { LevelRule::Cost },
-        steps: how.levels.map(Steps::Count).or(how.growth.map(Steps::Growth)).unwrap_or(default.steps),
+        steps: match (how.levels, how.growth) {
+            _ if smooth => Steps::Single,
+            (Some(n), _) => Steps::Count(n),
+            (_, Some(f)) => Steps::Growth(f),
+            _ => default.steps,
+        },
     };
     let progress = Progress::new("simplifying", quiet);
     let stream = build(model, &options, |part| progress.set(part)).map_err(CliError::build(path))?;
@@ -148,20 +191,36 @@ pub fn levels_of(model: &Model, path: &Path, how: &How, quiet: bool) -> Result<L
 
 /// Writes `stream` in the format that `path` names.
 pub fn write_stream(stream: LevelStream, path: &Path, how: &How, quiet: bool) -> Result<()> {
-    let name = path.to_string_lossy().to_ascii_lowercase();
+    let kind = Stream::of(path, how)?;
+    if how.surface_partition && kind != Stream::Lod {
+        eprintln!("warning: --surface-partition is for the text format; it has no effect here");
+    }
     let mut bytes = Vec::new();
     let shown = (stream.levels.len(), stream.levels.iter().map(|l| l.triangles.len()).sum::<usize>());
-    if name.ends_with(".pmesh") {
-        if how.surface_partition {
-            eprintln!("warning: --surface-partition has no effect on a .pmesh");
+    match kind {
+        Stream::Pmesh => {
+            let options = EncodeOptions { position_bits: how.bits.unwrap_or(Bits(Some(DEFAULT_BITS))).0 };
+            pmesh_codec::pmesh::encode(&stream, options, &mut bytes).map_err(CliError::encode(path))?;
         }
-        let options = EncodeOptions { position_bits: how.bits.unwrap_or(Bits(Some(DEFAULT_BITS))).0 };
-        pmesh_codec::pmesh::encode(&stream, options, &mut bytes).map_err(CliError::encode(path))?;
-    } else if name.ends_with(".lod") || name.ends_with(".lod.gz") {
-        let text = text_of(stream, path, how)?;
-        bytes = if name.ends_with(".gz") { gzip(&text).map_err(CliError::io(path))? } else { text };
-    } else {
-        return Err(CliError::Other(format!("{}: write .pmesh, .lod or .lod.gz", path.display())));
+        Stream::Lod => {
+            let variant = if how.surface_partition { TextVariant::SurfacePartition } else { TextVariant::Interleaved };
+            let mesh = positions_only(stream, path, how)?;
+            text::write(&mesh, TextOptions { dimension: None, variant }, &mut bytes).map_err(CliError::encode(path))?;
+            if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gz")) {
+                bytes = gzip(&bytes).map_err(CliError::io(path))?;
+            }
+        }
+        Stream::Slod => {
+            let mesh = positions_only(stream, path, how)?;
+            let report = slod::encode(&mesh, &mut bytes).map_err(CliError::encode(path))?;
+            if report.points > 0 {
+                eprintln!(
+                    "warning: {}: {} triangles that are a single vertex are left out: a .slod cannot hold them",
+                    path.display(),
+                    report.points
+                );
+            }
+        }
     }
     output::write_bytes(path, &bytes)?;
     if quiet {
@@ -176,11 +235,11 @@ fn gzip(bytes: &[u8]) -> std::io::Result<Vec<u8>> {
     encoder.finish()
 }
 
-/// The text format has positions only: attributes are dropped with a warning, positions quantised beforehand.
-fn text_of(mut stream: LevelStream, path: &Path, how: &How) -> Result<Vec<u8>> {
+/// For formats that hold positions only: attributes are dropped with a warning, positions quantised if asked for.
+fn positions_only(mut stream: LevelStream, path: &Path, how: &How) -> Result<ProgressiveMultilevelMesh> {
     if stream.attribute_set != Default::default() || stream.texture.is_some() {
         eprintln!(
-            "warning: {}: the text format holds positions only; normals, colours and textures are left out (write a .pmesh to keep them)",
+            "warning: {}: this format holds positions only; normals, colours and textures are left out (write a .pmesh to keep them)",
             path.display()
         );
     }
@@ -197,8 +256,5 @@ fn text_of(mut stream: LevelStream, path: &Path, how: &How) -> Result<Vec<u8>> {
         level.vertices.positions.iter_mut().zip(&mut next).for_each(|(p, q)| *p = q);
         mesh.add_level(level)?;
     }
-    let variant = if how.surface_partition { TextVariant::SurfacePartition } else { TextVariant::Interleaved };
-    let mut text = Vec::new();
-    text::write(&mesh, TextOptions { dimension: None, variant }, &mut text).map_err(CliError::encode(path))?;
-    Ok(text)
+    Ok(mesh)
 }

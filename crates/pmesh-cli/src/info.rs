@@ -9,7 +9,7 @@ use std::path::PathBuf;
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  pmesh info statue.pmesh\n  pmesh info statue.pmesh --json")]
 pub struct Args {
-    /// The stream: .pmesh, .lod or .lod.gz
+    /// The stream
     input: PathBuf,
     /// Print JSON
     #[arg(long)]
@@ -32,6 +32,8 @@ struct Report {
     moving_vertices: u32,
     memory_bytes: usize,
     levels: Vec<LevelRow>,
+    /// What the format's own paper counts.
+    statistics: Vec<(&'static str, String)>,
     warnings: Vec<String>,
 }
 
@@ -44,6 +46,9 @@ struct LevelRow {
     triangles: u32,
     error: Option<f32>,
 }
+
+/// Most rows of the table for people; `--json` has them all.
+const ROWS: usize = 64;
 
 pub fn run(args: &Args) -> Result<()> {
     let bytes = input::read(&args.input)?;
@@ -84,6 +89,7 @@ pub fn run(args: &Args) -> Result<()> {
         moving_vertices: mesh.vertices().len() as u32 - finest.0,
         memory_bytes: mesh.memory_bytes(),
         levels: rows,
+        statistics: stream.receiver.statistics(),
         warnings: stream.warnings,
     };
     if args.json {
@@ -120,12 +126,19 @@ fn shown(r: &Report) -> String {
     }
     lines.push(format!("in memory   {} bytes", r.memory_bytes));
     lines.push("\n level      bytes  of file   vertices  triangles      error (model units)".to_string());
-    for l in &r.levels {
+    let (count, mut last) = (r.levels.len(), 0);
+    for (i, l) in r.levels.iter().enumerate() {
+        // A stream with a level a vertex shows one each time its triangles have grown by half.
+        if count > ROWS && i > 0 && i + 1 < count && l.triangles < last + last / 2 + 1 {
+            continue;
+        }
+        last = l.triangles;
         let error = l.error.map_or("-".into(), |e| format!("{e:.3e}"));
         let part = 100.0 * l.bytes as f64 / r.file_bytes as f64;
         lines
             .push(format!("{:>6} {:>10} {:>7.2} % {:>10} {:>10} {:>10}", l.level, l.bytes, part, l.vertices, l.triangles, error));
     }
+    lines.extend(r.statistics.iter().map(|(name, value)| format!("{name:<12} {value}")));
     lines.extend(r.warnings.iter().map(|w| format!("warning: {w}")));
     lines.join("\n")
 }

@@ -1,5 +1,6 @@
 //! The `pmesh` command. One file a subcommand; reading any format is in `input`, writing meshes in `output`.
 
+mod compare_slod;
 mod decode;
 mod encode;
 mod error;
@@ -33,6 +34,7 @@ enum Command {
     Encode(encode::Args),
     Info(info::Args),
     Decode(decode::Args),
+    CompareSlod(compare_slod::Args),
     Sample(sample::Args),
 }
 
@@ -42,6 +44,7 @@ fn main() -> ExitCode {
         Command::Encode(args) => encode::run(&args, cli.quiet),
         Command::Info(args) => info::run(&args),
         Command::Decode(args) => decode::run(&args, cli.quiet),
+        Command::CompareSlod(args) => compare_slod::run(&args),
         Command::Sample(args) => sample::run(&args, cli.quiet),
     };
     match result {

@@ -1,6 +1,6 @@
 //! The one interface of all decoders, and the choice among them by the first bytes.
 
-use crate::{DecodeError, gzip::GzipDecoder, pmesh::PmeshDecoder, text::TextDecoder};
+use crate::{DecodeError, gzip::GzipDecoder, pmesh::PmeshDecoder, slod, text::TextDecoder};
 use pmesh_core::{AttributeSet, Level};
 
 /// A level as the stream's own table announces it.
@@ -25,6 +25,8 @@ pub struct StreamInfo {
     pub attribute_set: AttributeSet,
     /// The level table, coarsest first; `None` where the format has none.
     pub levels: Option<Vec<LevelEntry>>,
+    /// Number of levels, where the format says that but has no table.
+    pub level_count: Option<u32>,
     /// Bounding box of the finest level, where the format says.
     pub bounds: Option<([f32; 3], [f32; 3])>,
     /// Identifies the content of the file, so that a resumed download is not mixed with another file.
@@ -69,6 +71,10 @@ pub trait Decoder {
     fn finish(&mut self) -> Result<(), DecodeError>;
     /// The next event, if there is one.
     fn poll(&mut self) -> Option<Event>;
+    /// What the format's own paper counts, for people: (name, value).
+    fn statistics(&self) -> Vec<(&'static str, String)> {
+        Vec::new()
+    }
 }
 
 /// A decoder that chooses the format by the first bytes it is given.
@@ -97,6 +103,10 @@ impl Sniffer {
         if starts(signature) {
             let whole = seen.len() >= signature.len();
             return Ok(whole.then(|| Box::new(PmeshDecoder::new()) as Box<_>));
+        }
+        if starts(&slod::SIGNATURE) {
+            let whole = seen.len() >= slod::SIGNATURE.len();
+            return Ok(whole.then(|| Box::new(slod::SlodDecoder::new()) as Box<_>));
         }
         if !self.inside_gzip && starts(&[0x1f, 0x8b]) {
             return Ok((seen.len() >= 2).then(|| Box::new(GzipDecoder::new()) as Box<_>));
@@ -146,5 +156,8 @@ impl Decoder for Sniffer {
     }
     fn poll(&mut self) -> Option<Event> {
         self.chosen.as_mut()?.poll()
+    }
+    fn statistics(&self) -> Vec<(&'static str, String)> {
+        self.chosen.as_ref().map_or_else(Vec::new, |c| c.statistics())
     }
 }

@@ -27,13 +27,13 @@ impl fmt::Display for Place {
 #[allow(missing_docs)] // the fields are named in the messages
 pub enum DecodeError {
     #[error(
-        "this is not a progressive mesh: it begins with {found}; .pmesh files and the text format (which begins with '#' or '{{'), gzipped or not, are read. Make one with `pmesh encode`"
+        "this is not a progressive mesh: it begins with {found}; .pmesh and .slod files and the text format (which begins with '#' or '{{'), gzipped or not, are read. Make one with `pmesh encode`"
     )]
     UnknownFormat { found: String },
     #[error(
-        "the file has .pmesh version {found}, and this decoder reads up to {known}: use a newer pmesh, or re-encode the model"
+        "the file has {format} version {found}, and this decoder reads up to {known}: use a newer pmesh, or re-encode the model"
     )]
-    NewerVersion { found: u8, known: u8 },
+    NewerVersion { format: &'static str, found: u8, known: u8 },
     #[error("{place}: {message}")]
     Syntax { place: Place, message: String },
     #[error(

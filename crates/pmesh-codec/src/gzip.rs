@@ -71,4 +71,7 @@ impl Decoder for GzipDecoder {
     fn poll(&mut self) -> Option<Event> {
         self.inner.poll()
     }
+    fn statistics(&self) -> Vec<(&'static str, String)> {
+        self.inner.statistics()
+    }
 }

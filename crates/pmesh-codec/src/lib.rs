@@ -8,15 +8,18 @@
 //! |---|---|---|
 //! | `.pmesh`, version 0 | [`pmesh`] | [`pmesh::encode`] |
 //! | text, `.lod` (A.21–A.24, D.7) | [`text`] | [`text::write`] |
-//! | either, gzipped | [`gzip`] | flate2 |
+//! | smooth levels, `.slod` (B.13–B.16) | [`slod`] | [`slod::encode`] |
+//! | any of them, gzipped | [`gzip`] | flate2 |
 //!
 //! Nothing here reads a clock, a file or a socket; memory is bounded by what was pushed.
 
+mod corners;
 mod decoder;
 mod error;
 pub mod gzip;
 pub mod pmesh;
 mod receiver;
+pub mod slod;
 pub mod text;
 
 pub use decoder::{Decoder, Event, LevelEntry, StreamInfo, Texture, open};

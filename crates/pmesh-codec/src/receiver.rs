@@ -64,6 +64,10 @@ impl Receiver {
     pub fn info(&self) -> Option<&StreamInfo> {
         self.info.as_ref()
     }
+    /// What the format's own paper counts, for people: (name, value).
+    pub fn statistics(&self) -> Vec<(&'static str, String)> {
+        self.decoder.statistics()
+    }
     /// Bytes pushed.
     pub fn bytes(&self) -> u64 {
         self.bytes
@@ -107,8 +111,8 @@ impl Receiver {
             let arrival = match event {
                 Event::Info(info) => {
                     self.mesh = ProgressiveMultilevelMesh::new(info.attribute_set);
-                    if let Some(levels) = &info.levels {
-                        self.mesh.declare_level_count(levels.len() as u32);
+                    if let Some(count) = info.levels.as_ref().map(|l| l.len() as u32).or(info.level_count) {
+                        self.mesh.declare_level_count(count);
                     }
                     self.info = Some(info.clone());
                     Arrival::Info(info)

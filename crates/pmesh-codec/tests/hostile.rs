@@ -48,6 +48,14 @@ fn text_file() -> Vec<u8> {
     include_bytes!("data/figure13.lod").to_vec()
 }
 
+fn slod_file() -> Vec<u8> {
+    let mut receiver = Receiver::default();
+    receiver.push(&text_file()).and_then(|()| receiver.finish()).expect("it reads");
+    let mut bytes = Vec::new();
+    pmesh_codec::slod::encode(receiver.mesh(), &mut bytes).expect("it encodes");
+    bytes
+}
+
 fn gzip(bytes: &[u8]) -> Vec<u8> {
     let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
     encoder.write_all(bytes).expect("memory");
@@ -55,7 +63,7 @@ fn gzip(bytes: &[u8]) -> Vec<u8> {
 }
 
 fn all_files() -> Vec<Vec<u8>> {
-    vec![pmesh_file(Some(12)), pmesh_file(None), text_file(), gzip(&text_file()), gzip(&pmesh_file(None))]
+    vec![pmesh_file(Some(12)), pmesh_file(None), text_file(), gzip(&text_file()), gzip(&pmesh_file(None)), slod_file()]
 }
 
 /// Levels and outcome of pushing `bytes` in pieces of the given lengths, over and over.
@@ -139,7 +147,7 @@ fn errors_name_the_place_and_the_way_out() {
     assert!(error_of(b"ply\nformat ascii").to_string().contains("pmesh encode"));
     let mut newer = pmesh_file(None);
     newer[8] = 9;
-    assert_eq!(error_of(&newer), DecodeError::NewerVersion { found: 9, known: 0 });
+    assert_eq!(error_of(&newer), DecodeError::NewerVersion { format: ".pmesh", found: 9, known: 0 });
     let half = pmesh_file(None);
     assert!(matches!(error_of(&half[..half.len() - 3]), DecodeError::Truncated { levels: 2, .. }));
     let place_of = |text: &str| match error_of(text.as_bytes()) {

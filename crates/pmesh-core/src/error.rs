@@ -12,6 +12,8 @@ pub enum MeshError {
     LevelIsNaN,
     #[error("no level has arrived yet")]
     Empty,
+    #[error("vertices of this mesh move between levels, which cannot be stepped through: use triangles_at")]
+    MovesNotStepped,
     #[error("{array} holds {got} entries for {expected} vertices")]
     AttributeLength { array: &'static str, expected: usize, got: usize },
     #[error("vertex {vertex} has a coordinate or attribute that is not finite")]

@@ -48,6 +48,7 @@ pub mod normals;
 mod pending;
 pub mod reference;
 mod split;
+pub mod stepped;
 mod versions;
 
 pub use append::Change;

@@ -180,6 +180,10 @@ impl ProgressiveMultilevelMesh {
     pub fn seams(&self) -> &[(u32, u32)] {
         &self.seams
     }
+    /// True if vertices move between levels.
+    pub fn has_moves(&self) -> bool {
+        self.versions.is_some()
+    }
     /// True if some triangle still waits for its finest vertices.
     pub fn has_pending_vertices(&self) -> bool {
         !self.pending.is_empty()

@@ -8,10 +8,12 @@
 //! Half-edge collapses keep vertices in place, for lossless streams; [`Placement::Optimal`] moves the one that stays to
 //! the least quadric error, for shapes as close as possible, at the price of sending where it moved.
 
+mod closest;
 mod collapser;
 mod quadric;
 mod ring;
 
+pub use closest::cluster_closest;
 pub use collapser::simplify;
 
 /// Where the vertex that stays stands after a collapse.
@@ -60,6 +62,11 @@ pub struct Collapses {
 }
 
 impl Collapses {
+    /// Leaves out the collapses after the first that reaches `triangles`.
+    pub fn truncate(&mut self, triangles: usize) {
+        self.steps.truncate(self.steps.partition_point(|s| s.triangle_count as usize > triangles) + 1);
+        self.pairs.truncate(self.steps.last().map_or(0, |s| s.pairs_end as usize));
+    }
     /// `mesh` simplified to at most `triangles` triangles, or as far as the list goes; vertices keep their indices, and
     /// those that are gone are used by no triangle. O(n).
     pub fn mesh_at(&self, mesh: &pmesh_core::IndexedMesh, triangles: usize) -> pmesh_core::IndexedMesh {

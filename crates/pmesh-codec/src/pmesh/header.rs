@@ -95,7 +95,7 @@ impl Header {
     /// The length of the header, from its first [`PREAMBLE_BYTES`].
     pub(super) fn byte_count(preamble: &[u8; PREAMBLE_BYTES]) -> Result<usize, DecodeError> {
         if preamble[8] > VERSION {
-            return Err(DecodeError::NewerVersion { found: preamble[8], known: VERSION });
+            return Err(DecodeError::NewerVersion { format: ".pmesh", found: preamble[8], known: VERSION });
         }
         let length = usize::from(u16::from_le_bytes([preamble[9], preamble[10]]));
         if !(PREAMBLE_BYTES + 4..=HEADER_LIMIT).contains(&length) {
@@ -190,6 +190,7 @@ impl Header {
             format: "pmesh 0",
             attribute_set: self.attribute_set,
             levels: Some(levels),
+            level_count: None,
             bounds: Some(self.bounds),
             file_id: Some(self.file_id),
             total_bytes: Some(entry.end_byte),

@@ -2,80 +2,14 @@
 //!
 //! Which corners move to a new vertex is one bit for each corner that holds its representative now, in ascending corner
 //! order, as SS97's update lists have it (B.13): both sides know the candidates, so their number is not sent. That needs,
-//! for each vertex, the corners that hold it: [`Corners`], linked lists, 4 bytes a corner and 12 a vertex.
+//! for each vertex, the corners that hold it: [`Corners`].
 
 use super::varint::{ReadError, Reader, put, zigzag};
+use crate::corners::Corners;
 use pmesh_core::CornerMove;
 
-const NONE: u32 = u32::MAX;
 /// Most corners of one vertex that a record may speak of, and most triangles in it.
 const RECORD_LIMIT: u32 = 1 << 24;
-
-/// For each vertex, the corners that hold it, in two lists: those of earlier levels, which records speak of, and those of
-/// the level that is arriving, which join the others when the vertex is next looked at. So no level ends with a burst of
-/// work, and every corner is moved over once.
-#[derive(Default)]
-pub(super) struct Corners {
-    head: Vec<u32>,
-    fresh: Vec<u32>,
-    /// Level that the fresh corners of a vertex are of.
-    stamp: Vec<u32>,
-    next: Vec<u32>,
-    level: u32,
-}
-
-impl Corners {
-    fn begin_level(&mut self) {
-        self.level += 1;
-    }
-    fn add_vertex(&mut self) {
-        self.head.push(NONE);
-        self.fresh.push(NONE);
-        self.stamp.push(self.level);
-    }
-    pub(super) fn add_triangle(&mut self, triangle: [u32; 3]) {
-        for v in triangle {
-            self.settle(v);
-            self.stamp[v as usize] = self.level;
-            let corner = self.next.len() as u32;
-            self.next.push(std::mem::replace(&mut self.fresh[v as usize], corner));
-        }
-    }
-    /// Joins the fresh corners of an earlier level to the others.
-    fn settle(&mut self, v: u32) {
-        let v = v as usize;
-        if self.stamp[v] == self.level || self.fresh[v] == NONE {
-            return;
-        }
-        let first = std::mem::replace(&mut self.fresh[v], NONE);
-        let mut last = first;
-        while self.next[last as usize] != NONE {
-            last = self.next[last as usize];
-        }
-        self.next[last as usize] = std::mem::replace(&mut self.head[v], first);
-    }
-    /// Corners of earlier levels that hold `v`, ascending.
-    fn of(&mut self, v: u32, out: &mut Vec<u32>) {
-        self.settle(v);
-        out.clear();
-        let mut corner = self.head[v as usize];
-        while corner != NONE {
-            out.push(corner);
-            corner = self.next[corner as usize];
-        }
-        out.sort_unstable();
-    }
-    /// Hands the corners of `from` out: to `to` where the bit is set.
-    fn split(&mut self, from: u32, to: u32, candidates: &[u32], moves: impl Fn(usize) -> bool) {
-        let (mut stay, mut go) = (NONE, NONE);
-        for (i, &corner) in candidates.iter().enumerate() {
-            let list = if moves(i) { &mut go } else { &mut stay };
-            self.next[corner as usize] = std::mem::replace(list, corner);
-        }
-        self.head[from as usize] = stay;
-        self.head[to as usize] = go;
-    }
-}
 
 /// One new vertex and all that comes with it.
 #[derive(Clone, Debug, Default, PartialEq)]
