@@ -165,6 +165,14 @@ impl State {
     pub(crate) fn push(&mut self, bytes: &[u8]) -> Result<(), DecodeError> {
         self.receiver.push(bytes)
     }
+    /// Takes bytes; [`Self::work`] does the rest in pieces.
+    pub(crate) fn feed(&mut self, bytes: &[u8]) -> Result<(), DecodeError> {
+        self.receiver.feed(bytes)
+    }
+    /// Does a piece of what is left to do; false if nothing is.
+    pub(crate) fn work(&mut self) -> Result<bool, DecodeError> {
+        self.receiver.work()
+    }
     pub(crate) fn finish(&mut self) -> Result<(), DecodeError> {
         self.receiver.finish()?;
         self.finished = true;

@@ -74,6 +74,12 @@ impl Model {
                     return Err(e);
                 }
                 clock.pause_if_due().await?;
+                while self.work(on_events).inspect_err(|_| drop(reader.cancel()))? {
+                    if signal.is_some_and(|s| s.aborted()) {
+                        return Err(aborted());
+                    }
+                    clock.pause_if_due().await?;
+                }
             }
             self.tell(on_events)?;
         }
@@ -115,12 +121,24 @@ impl Model {
     }
 
     fn slice(&self, bytes: &[u8], on_events: &Function) -> Result<(), JsValue> {
-        let pushed = self.state.borrow_mut().push(bytes);
+        let pushed = self.state.borrow_mut().feed(bytes);
+        self.tell_news(on_events)?;
+        pushed.map_err(|e| decode_error(&e))
+    }
+    /// A piece of the work that is left; false if none is.
+    fn work(&self, on_events: &Function) -> Result<bool, JsValue> {
+        let worked = self.state.borrow_mut().work();
+        self.tell_news(on_events)?;
+        worked.map_err(|e| decode_error(&e))
+    }
+
+    /// Calls the page if something has arrived.
+    fn tell_news(&self, on_events: &Function) -> Result<(), JsValue> {
         let events: Array = self.state.borrow_mut().events().into_iter().collect();
         if events.length() > 0 {
             on_events.call1(&JsValue::NULL, &events)?;
         }
-        pushed.map_err(|e| decode_error(&e))
+        Ok(())
     }
 
     /// Calls the page with what has arrived, which may be no event but bytes; nothing is borrowed meanwhile.

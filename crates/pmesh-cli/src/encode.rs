@@ -1,16 +1,17 @@
 //! `pmesh encode`: a mesh to a stream.
 
 use crate::error::{CliError, Result};
+use crate::output::say;
 use crate::progress::Progress;
 use crate::{input, output};
 use clap::ValueEnum;
 use flate2::{Compression, write::GzEncoder};
 use pmesh_build::import::Model;
 use pmesh_build::pipeline::{BuildOptions, LevelRule, Method, Steps, build};
-use pmesh_build::simplify::Placement;
+use pmesh_build::simplify::{PatchOptions, Placement, remove_patches};
 use pmesh_codec::pmesh::{EncodeOptions, LevelStream, quantise};
-use pmesh_codec::slod;
 use pmesh_codec::text::{self, TextOptions, TextVariant};
+use pmesh_codec::{patch, slod};
 use pmesh_core::{Attributes, ProgressiveMultilevelMesh};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -23,7 +24,7 @@ use std::path::{Path, PathBuf};
 pub struct Args {
     /// The mesh, or a stream whose levels are kept
     input: PathBuf,
-    /// Where to write: .pmesh, .lod, .lod.gz or .slod
+    /// Where to write: .pmesh, .pits, .lod, .lod.gz or .slod
     #[arg(short, long)]
     output: PathBuf,
     #[command(flatten)]
@@ -37,7 +38,7 @@ pub struct How {
     #[arg(long, value_enum)]
     stream: Option<Stream>,
     /// Bits a coordinate, 8 to 16, or "none" to keep every float; the grid's step is the longest side / (2^N - 1) [default: 14
-    /// for .pmesh, none for the others]
+    /// for .pmesh and .pits, none for the others]
     #[arg(long, value_parser = parse_bits)]
     bits: Option<Bits>,
     /// Number of levels, 1 to 63; a .slod has one a vertex
@@ -46,7 +47,7 @@ pub struct How {
     /// Factor by which triangles grow from level to level [default: 1.5]
     #[arg(long)]
     growth: Option<f64>,
-    /// Triangles of the coarsest level, about; 0 leaves one vertex a component [default: 60]
+    /// Triangles of the coarsest level, about; 0 leaves one vertex a component [default: 60, 1200 for .pits]
     #[arg(long)]
     base: Option<usize>,
     /// How to simplify [default: half-edge, closest for .slod]
@@ -79,15 +80,26 @@ enum Stream {
     Lod,
     /// SS97's packets, a level a vertex
     Slod,
+    /// FC01's patches: half of .pmesh's size
+    Patch,
 }
 
 impl Stream {
     fn of(path: &Path, how: &How) -> Result<Stream> {
         let name = path.to_string_lossy().to_ascii_lowercase();
-        let known = [(".pmesh", Stream::Pmesh), (".lod", Stream::Lod), (".lod.gz", Stream::Lod), (".slod", Stream::Slod)];
+        let known = [
+            (".pmesh", Stream::Pmesh),
+            (".lod", Stream::Lod),
+            (".lod.gz", Stream::Lod),
+            (".slod", Stream::Slod),
+            (".pits", Stream::Patch),
+        ];
         let named = known.iter().find(|k| name.ends_with(k.0)).map(|k| k.1);
         how.stream.or(named).ok_or_else(|| {
-            CliError::Other(format!("{}: write .pmesh, .lod, .lod.gz or .slod, or say which with --stream", path.display()))
+            CliError::Other(format!(
+                "{}: write .pmesh, .pits, .lod, .lod.gz or .slod, or say which with --stream",
+                path.display()
+            ))
         })
     }
 }
@@ -107,17 +119,63 @@ enum Simplifier {
 pub fn run(args: &Args, quiet: bool) -> Result<()> {
     let kind = Stream::of(&args.output, &args.how)?;
     let bytes = input::read(&args.input)?;
-    let stream = if input::is_stream(&args.input, &bytes) {
+    let is_stream = input::is_stream(&args.input, &bytes);
+    if is_stream && kind != Stream::Patch {
         args.how.warn_of_kept_levels(&args.input);
-        kept_levels(&args.input, &bytes)?
-    } else {
-        let model = input::model(&args.input, &bytes)?;
-        for warning in &model.warnings {
-            eprintln!("warning: {}: {warning}", args.input.display());
-        }
-        simplified(&model, &args.input, &args.how, kind, quiet)?
-    };
-    write_stream(stream, &args.output, &args.how, quiet)
+        return write_stream(kept_levels(&args.input, &bytes)?, &args.output, &args.how, quiet);
+    }
+    let model = if is_stream { finest(&args.input, &bytes)? } else { input::model(&args.input, &bytes)? };
+    for warning in &model.warnings {
+        eprintln!("warning: {}: {warning}", args.input.display());
+    }
+    encode_model(model, &args.input, &args.output, &args.how, quiet)
+}
+
+/// Patches are levels of their own kind: a stream is decoded to its finest mesh first.
+fn finest(path: &Path, bytes: &[u8]) -> Result<Model> {
+    eprintln!("warning: {}: a .pits has levels of its own; they are made anew from the finest", path.display());
+    let stream = input::decode_whole(path, bytes)?;
+    Ok(Model { mesh: stream.receiver.mesh().finest_mesh(), texture: stream.texture, ..Default::default() })
+}
+
+fn write_patches(model: Model, input: &Path, output: &Path, how: &How, quiet: bool) -> Result<()> {
+    if how.levels.is_some() || how.growth.is_some() || how.simplifier.is_some() {
+        eprintln!(
+            "warning: --levels, --growth and --simplifier have no effect on a .pits: its levels are independent sets of vertices"
+        );
+    }
+    let bits = how.bits.unwrap_or(Bits(Some(DEFAULT_BITS))).0;
+    let mut mesh = quantise(&model.mesh, bits);
+    if mesh.vertices.is_empty() {
+        return Err(CliError::build(input)(pmesh_build::BuildError::Empty));
+    }
+    // What the grid has rounded is what is taken apart; attributes keep their own grids.
+    mesh.vertices.attributes = model.mesh.vertices.attributes.clone();
+    let (total, base) = (mesh.vertices.len(), how.base.map_or(PatchOptions::default().base_vertices, |t| t / 2));
+    let progress = Progress::new("removing vertices", quiet);
+    let done = |left: usize| (total - left) as f64 / (total - base.min(total)).max(1) as f64;
+    let mut stream = remove_patches(&mesh, PatchOptions { base_vertices: base }, |left| progress.set(done(left)));
+    progress.done();
+    stream.texture = model.texture;
+    let mut out = Vec::new();
+    let report = patch::encode(&stream, bits, &mut out).map_err(CliError::encode(output))?;
+    output::write_bytes(output, &out)?;
+    if quiet {
+        return Ok(());
+    }
+    let per = |bytes: usize| 8.0 * bytes as f64 / f64::from(report.removed.0.max(1));
+    say(&format!(
+        "{}: {} levels, {} triangles, {} bytes; base {} vertices in {} bytes; {} removed: {:.2} bits each for patches, {:.2} for displacements",
+        output.display(),
+        stream.levels.len() + 1,
+        mesh.triangles.len(),
+        out.len(),
+        report.base.0,
+        report.base.2,
+        report.removed.0,
+        per(report.connectivity),
+        per(report.removed.1 - report.connectivity)
+    ))
 }
 
 pub fn kept_levels(path: &Path, bytes: &[u8]) -> Result<LevelStream> {
@@ -159,9 +217,12 @@ impl How {
     }
 }
 
-/// Simplifies `model` for the stream that `output` names, as `how` says.
-pub fn levels_of(model: &Model, output: &Path, how: &How, quiet: bool) -> Result<LevelStream> {
-    simplified(model, output, how, Stream::of(output, how)?, quiet)
+/// Encodes `model` as the stream that `output` names, as `how` says.
+pub fn encode_model(model: Model, input: &Path, output: &Path, how: &How, quiet: bool) -> Result<()> {
+    match Stream::of(output, how)? {
+        Stream::Patch => write_patches(model, input, output, how, quiet),
+        kind => write_stream(simplified(&model, input, how, kind, quiet)?, output, how, quiet),
+    }
 }
 
 fn simplified(model: &Model, path: &Path, how: &How, kind: Stream, quiet: bool) -> Result<LevelStream> {
@@ -209,6 +270,10 @@ pub fn write_stream(stream: LevelStream, path: &Path, how: &How, quiet: bool) ->
             if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gz")) {
                 bytes = gzip(&bytes).map_err(CliError::io(path))?;
             }
+        }
+        Stream::Patch => {
+            let message = "has levels already: write it as a .pmesh and encode that as a .pits";
+            return Err(CliError::Other(format!("{}: what it is made of {message}", path.display())));
         }
         Stream::Slod => {
             let mesh = positions_only(stream, path, how)?;

@@ -29,8 +29,9 @@ pub fn is_stream(path: &Path, bytes: &[u8]) -> bool {
     let name = path.to_string_lossy().to_ascii_lowercase();
     bytes.starts_with(&pmesh_codec::pmesh::SIGNATURE)
         || bytes.starts_with(&pmesh_codec::slod::SIGNATURE)
+        || bytes.starts_with(&pmesh_codec::patch::SIGNATURE)
         || bytes.starts_with(&[0x1f, 0x8b])
-        || [".pmesh", ".lod", ".lod.gz", ".slod"].iter().any(|e| name.ends_with(e))
+        || [".pmesh", ".lod", ".lod.gz", ".slod", ".pits"].iter().any(|e| name.ends_with(e))
 }
 
 /// Decodes `bytes`; an error ends it but what came before stays. `whole` says that the stream is meant to end there.

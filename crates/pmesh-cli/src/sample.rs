@@ -39,12 +39,11 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
             output::say(&format!("{}: {} vertices, {} triangles", args.output.display(), counts.0, counts.1))
         };
     }
-    let stream = match sample_levels(&args.name) {
+    match sample_levels(&args.name).filter(|_| !name.ends_with(".pits")) {
         Some(stream) => {
             args.how.warn_of_kept_levels(&args.output);
-            stream
+            encode::write_stream(stream, &args.output, &args.how, quiet)
         }
-        None => encode::levels_of(&model, &args.output, &args.how, quiet)?,
-    };
-    encode::write_stream(stream, &args.output, &args.how, quiet)
+        None => encode::encode_model(model, &args.output, &args.output, &args.how, quiet),
+    }
 }

@@ -1,6 +1,6 @@
 //! The one interface of all decoders, and the choice among them by the first bytes.
 
-use crate::{DecodeError, gzip::GzipDecoder, pmesh::PmeshDecoder, slod, text::TextDecoder};
+use crate::{DecodeError, gzip::GzipDecoder, patch, pmesh::PmeshDecoder, slod, text::TextDecoder};
 use pmesh_core::{AttributeSet, Level};
 
 /// A level as the stream's own table announces it.
@@ -67,7 +67,12 @@ pub enum Event {
 pub trait Decoder {
     /// Takes the next bytes. After an error it takes no more; events decoded before can still be polled.
     fn push(&mut self, bytes: &[u8]) -> Result<(), DecodeError>;
-    /// Says that the stream has ended; an error if it ends in the middle of something.
+    /// Does a small piece of what the bytes pushed have left to do; false if nothing is left. Call it until then; between two
+    /// calls a page may have its turn.
+    fn work(&mut self) -> Result<bool, DecodeError> {
+        Ok(false)
+    }
+    /// Says that the stream has ended, once no work is left; an error if it ends in the middle of something.
     fn finish(&mut self) -> Result<(), DecodeError>;
     /// The next event, if there is one.
     fn poll(&mut self) -> Option<Event>;
@@ -103,6 +108,10 @@ impl Sniffer {
         if starts(signature) {
             let whole = seen.len() >= signature.len();
             return Ok(whole.then(|| Box::new(PmeshDecoder::new()) as Box<_>));
+        }
+        if starts(&patch::SIGNATURE) {
+            let whole = seen.len() >= patch::SIGNATURE.len();
+            return Ok(whole.then(|| Box::new(patch::PatchDecoder::new()) as Box<_>));
         }
         if starts(&slod::SIGNATURE) {
             let whole = seen.len() >= slod::SIGNATURE.len();
@@ -144,6 +153,9 @@ impl Decoder for Sniffer {
             return result;
         }
         Ok(())
+    }
+    fn work(&mut self) -> Result<bool, DecodeError> {
+        self.chosen.as_mut().map_or(Ok(false), |c| c.work())
     }
     fn finish(&mut self) -> Result<(), DecodeError> {
         match &mut self.chosen {

@@ -55,9 +55,13 @@ impl Decoder for GzipDecoder {
         }
         Ok(())
     }
+    fn work(&mut self) -> Result<bool, DecodeError> {
+        self.inner.work()
+    }
     fn finish(&mut self) -> Result<(), DecodeError> {
         let ended = self.inflate.try_finish();
         self.hand_on()?;
+        while self.inner.work()? {}
         let inside = self.inner.finish();
         match ended.map_err(|e| (e.kind(), self.bad(e))) {
             Ok(()) => inside,

@@ -77,8 +77,24 @@ impl Receiver {
         self.arrivals.pop_front()
     }
 
-    /// Takes the next bytes. Levels complete before an error stay.
+    /// Takes the next bytes and does all that there is to do with them. Levels complete before an error stay.
     pub fn push(&mut self, bytes: &[u8]) -> Result<(), DecodeError> {
+        self.feed(bytes)?;
+        while self.work()? {}
+        Ok(())
+    }
+    /// Does a small piece of what is left to do; false if nothing is.
+    pub fn work(&mut self) -> Result<bool, DecodeError> {
+        if self.error.is_some() {
+            return Ok(false);
+        }
+        let worked = self.decoder.work();
+        let more = worked.as_ref().is_ok_and(|&more| more);
+        self.after(worked.map(drop))?;
+        Ok(more)
+    }
+    /// Takes the next bytes; [`Self::work`] does the rest, in pieces.
+    pub fn feed(&mut self, bytes: &[u8]) -> Result<(), DecodeError> {
         if self.error.is_some() {
             return Err(DecodeError::Stopped);
         }
@@ -92,6 +108,7 @@ impl Receiver {
         if self.error.is_some() {
             return Err(DecodeError::Stopped);
         }
+        while self.work()? {}
         let finished = self.decoder.finish();
         self.after(finished)
     }

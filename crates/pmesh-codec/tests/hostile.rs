@@ -56,6 +56,21 @@ fn slod_file() -> Vec<u8> {
     bytes
 }
 
+/// A tetrahedron, a vertex on one of its sides, and one beside that.
+fn patch_file() -> Vec<u8> {
+    use pmesh_codec::patch::{PatchLevel, PatchStream, Removed, encode};
+    let positions = vec![[0., 0., 0.], [4., 0., 0.], [0., 4., 0.], [0., 0., 4.], [1., 1., -1.], [1., 2., -2.]];
+    let mesh = pmesh_core::IndexedMesh { vertices: Vertices { positions, ..Default::default() }, ..Default::default() };
+    let level =
+        |vertex, apex, chain: &[u32]| PatchLevel { removed: vec![Removed { vertex, apex, chain: chain.to_vec(), color: 1 }] };
+    let levels = vec![level(4, 0, &[2, 1]), level(5, 4, &[0, 2, 1])];
+    let base_triangles = vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
+    let mut bytes = Vec::new();
+    let stream = PatchStream { mesh, base_triangles, levels, errors: vec![2.0, 1.0, 0.0], texture: None };
+    encode(&stream, None, &mut bytes).expect("it encodes");
+    bytes
+}
+
 fn gzip(bytes: &[u8]) -> Vec<u8> {
     let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
     encoder.write_all(bytes).expect("memory");
@@ -63,7 +78,15 @@ fn gzip(bytes: &[u8]) -> Vec<u8> {
 }
 
 fn all_files() -> Vec<Vec<u8>> {
-    vec![pmesh_file(Some(12)), pmesh_file(None), text_file(), gzip(&text_file()), gzip(&pmesh_file(None)), slod_file()]
+    vec![
+        pmesh_file(Some(12)),
+        pmesh_file(None),
+        text_file(),
+        gzip(&text_file()),
+        gzip(&pmesh_file(None)),
+        slod_file(),
+        patch_file(),
+    ]
 }
 
 /// Levels and outcome of pushing `bytes` in pieces of the given lengths, over and over.

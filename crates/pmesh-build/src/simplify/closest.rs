@@ -39,7 +39,7 @@ pub fn cluster_closest(mesh: &IndexedMesh, mut progress: impl FnMut(usize)) -> C
             let (gone, stays) = joins.elect(low, high);
             joins.join(stays, gone, squared.sqrt() as f32);
             search.remove(gone);
-            if joins.collapses.steps.len() % 4096 == 0 {
+            if joins.collapses.steps.len().is_multiple_of(4096) {
                 progress(positions.len() - joins.collapses.steps.len());
             }
             if owner == gone {

@@ -10,11 +10,13 @@
 
 mod closest;
 mod collapser;
+mod patches;
 mod quadric;
 mod ring;
 
 pub use closest::cluster_closest;
 pub use collapser::simplify;
+pub use patches::{PatchOptions, remove_patches};
 
 /// Where the vertex that stays stands after a collapse.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -112,24 +112,24 @@ fn from_octahedron(q: [i32; 2], bits: u8) -> [f32; 3] {
 
 /// The rows of one stream.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Channels {
+pub(crate) struct Channels {
     set: AttributeSet,
     grids: Quantisation,
 }
 
 impl Channels {
-    pub(super) fn new(set: AttributeSet, grids: Quantisation) -> Self {
+    pub(crate) fn new(set: AttributeSet, grids: Quantisation) -> Self {
         Self { set, grids }
     }
     /// Integers a vertex; the first three are the position.
-    pub(super) fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         let normals = if self.grids.normal_bits.is_some() { 2 } else { 3 };
         3 + if self.set.normals { normals } else { 0 }
             + if self.set.colors { 4 } else { 0 }
             + if self.set.texcoords { 2 } else { 0 }
     }
     /// Appends the row of vertex `i`.
-    pub(super) fn row(&self, vertices: &Vertices, i: usize, row: &mut Vec<i32>) {
+    pub(crate) fn row(&self, vertices: &Vertices, i: usize, row: &mut Vec<i32>) {
         let g = &self.grids;
         let p = vertices.positions[i];
         match g.position_bits {
@@ -159,7 +159,7 @@ impl Channels {
         }
     }
     /// Appends the vertex that `row` stands for.
-    pub(super) fn push(&self, row: &[i32], out: &mut Vertices) {
+    pub(crate) fn push(&self, row: &[i32], out: &mut Vertices) {
         let g = &self.grids;
         out.positions.push(match g.position_bits {
             Some(_) => std::array::from_fn(|k| from_grid(row[k], g.position_origin[k], g.position_step)),

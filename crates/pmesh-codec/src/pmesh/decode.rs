@@ -1,7 +1,7 @@
 //! A `.pmesh` file to levels, as its bytes come. Memory: what was inflated and not yet a record, and `Model`.
 
 use super::channels::Channels;
-use super::header::{Block, BlockKind, Header, PREAMBLE_BYTES};
+use super::header::{Block, BlockKind, Container, Header, PREAMBLE_BYTES};
 use super::inflate_limit;
 use super::records::Model;
 use super::varint::{ReadError, Reader};
@@ -91,7 +91,7 @@ impl PmeshDecoder {
             State::Header(seen) => {
                 let want = match seen.first_chunk::<PREAMBLE_BYTES>() {
                     None => PREAMBLE_BYTES,
-                    Some(preamble) => Header::byte_count(preamble)?,
+                    Some(preamble) => Header::byte_count(preamble, Container::Pmesh)?,
                 };
                 let taken = (want - seen.len()).min(bytes.len());
                 seen.extend_from_slice(&bytes[..taken]);
@@ -182,12 +182,7 @@ impl PmeshDecoder {
                 self.events.push_back(Event::LevelEnd);
             }
             State::Texture(seen) => {
-                let mime = match seen.first() {
-                    Some(0) => "image/png",
-                    Some(1) => "image/jpeg",
-                    _ => return Err(DecodeError::syntax(place, "the texture is neither PNG nor JPEG")),
-                };
-                self.events.push_back(Event::Texture(Texture { mime: mime.into(), bytes: seen.split_off(1) }));
+                self.events.push_back(Event::Texture(texture_of(std::mem::take(seen), place)?));
             }
             State::Header(_) | State::Finished => {}
         }
@@ -195,6 +190,16 @@ impl PmeshDecoder {
         self.begin_block();
         Ok(())
     }
+}
+
+/// The image of a texture block.
+pub(crate) fn texture_of(mut block: Vec<u8>, place: Place) -> Result<Texture, DecodeError> {
+    let mime = match block.first() {
+        Some(0) => "image/png",
+        Some(1) => "image/jpeg",
+        _ => return Err(DecodeError::syntax(place, "the texture is neither PNG nor JPEG")),
+    };
+    Ok(Texture { mime: mime.into(), bytes: block.split_off(1) })
 }
 
 impl Decoder for PmeshDecoder {

@@ -55,7 +55,15 @@ pub fn encode(stream: &LevelStream, options: EncodeOptions, out: &mut impl Write
         payloads.insert(at, payload);
     }
     let bounds = pmesh_core::IndexedMesh { vertices: finest, ..Default::default() }.bounds();
-    let mut header = Header { file_id: 0, attribute_set: stream.attribute_set, has_seams, grids, bounds, blocks };
+    let mut header = Header {
+        container: Default::default(),
+        file_id: 0,
+        attribute_set: stream.attribute_set,
+        has_seams,
+        grids,
+        bounds,
+        blocks,
+    };
     let content = crc32fast::hash(&header.to_bytes());
     let total: u64 = payloads.iter().map(|p| p.len() as u64).sum();
     header.file_id = u64::from(content) << 32 | (total & 0xffff_ffff);
@@ -93,12 +101,12 @@ fn finest_positions(stream: &LevelStream, all: &pmesh_core::Vertices) -> pmesh_c
 }
 
 /// The texture goes before the first level that is larger than it, and not before the first picture.
-fn texture_place(payloads: &[Vec<u8>], texture_bytes: usize) -> usize {
+pub(crate) fn texture_place(payloads: &[Vec<u8>], texture_bytes: usize) -> usize {
     let larger = payloads.iter().position(|p| p.len() > texture_bytes / 2);
     larger.unwrap_or(payloads.len()).max(1)
 }
 
-fn mime_code(mime: &str) -> Result<u8, EncodeError> {
+pub(crate) fn mime_code(mime: &str) -> Result<u8, EncodeError> {
     match mime {
         "image/png" => Ok(0),
         "image/jpeg" => Ok(1),

@@ -32,9 +32,42 @@ pub struct Block {
     pub error: f32,
 }
 
+/// Whose file it is: the header is the same.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Container {
+    /// `.pmesh`.
+    #[default]
+    Pmesh,
+    /// `.pits`, patch-coloured.
+    Patches,
+}
+
+impl Container {
+    fn signature(self) -> [u8; 8] {
+        match self {
+            Container::Pmesh => SIGNATURE,
+            Container::Patches => crate::patch::SIGNATURE,
+        }
+    }
+    fn extension(self) -> &'static str {
+        match self {
+            Container::Pmesh => ".pmesh",
+            Container::Patches => ".pits",
+        }
+    }
+    fn format(self) -> &'static str {
+        match self {
+            Container::Pmesh => "pmesh 0",
+            Container::Patches => "patch-coloured (FC01), pits 0",
+        }
+    }
+}
+
 /// The header of a file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Header {
+    /// Whose file it is.
+    pub container: Container,
     /// Identifies the content.
     pub file_id: u64,
     /// Attributes of the vertices.
@@ -50,14 +83,14 @@ pub struct Header {
 }
 
 /// Signature, version, and the length of the whole header.
-pub(super) const PREAMBLE_BYTES: usize = 11;
+pub(crate) const PREAMBLE_BYTES: usize = 11;
 /// The largest header: fixed fields and 64 table entries, with room.
 const HEADER_LIMIT: usize = 4096;
 
 impl Header {
     /// The header's bytes.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let mut out = SIGNATURE.to_vec();
+        let mut out = self.container.signature().to_vec();
         out.extend([VERSION, 0, 0]);
         let (a, g) = (self.attribute_set, &self.grids);
         out.push(u8::from(a.normals) | u8::from(a.colors) << 1 | u8::from(a.texcoords) << 2 | u8::from(self.has_seams) << 3);
@@ -93,9 +126,9 @@ impl Header {
     }
 
     /// The length of the header, from its first [`PREAMBLE_BYTES`].
-    pub(super) fn byte_count(preamble: &[u8; PREAMBLE_BYTES]) -> Result<usize, DecodeError> {
+    pub(crate) fn byte_count(preamble: &[u8; PREAMBLE_BYTES], container: Container) -> Result<usize, DecodeError> {
         if preamble[8] > VERSION {
-            return Err(DecodeError::NewerVersion { format: ".pmesh", found: preamble[8], known: VERSION });
+            return Err(DecodeError::NewerVersion { format: container.extension(), found: preamble[8], known: VERSION });
         }
         let length = usize::from(u16::from_le_bytes([preamble[9], preamble[10]]));
         if !(PREAMBLE_BYTES + 4..=HEADER_LIMIT).contains(&length) {
@@ -106,13 +139,14 @@ impl Header {
     }
 
     /// Reads a whole header, whose length [`Self::byte_count`] gave.
-    pub(super) fn from_bytes(bytes: &[u8]) -> Result<Self, DecodeError> {
+    pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Self, DecodeError> {
         let (body, checksum) = bytes.split_at(bytes.len() - 4);
         if crc32fast::hash(body).to_le_bytes() != checksum {
             return Err(DecodeError::Checksum { place: Place::Byte(0), what: "the header".into() });
         }
         let mut reader = Reader { rest: &body[PREAMBLE_BYTES..] };
-        let parsed = Self::parse(&mut reader).and_then(|h| match reader.rest {
+        let container = if body.starts_with(&crate::patch::SIGNATURE) { Container::Patches } else { Container::Pmesh };
+        let parsed = Self::parse(&mut reader, container).and_then(|h| match reader.rest {
             [] => Ok(h),
             _ => Err(ReadError::Bad("the header is longer than its fields")),
         });
@@ -126,7 +160,7 @@ impl Header {
         })
     }
 
-    fn parse(r: &mut Reader) -> Result<Self, ReadError> {
+    fn parse(r: &mut Reader, container: Container) -> Result<Self, ReadError> {
         let flags = r.u8()?;
         if flags > 15 {
             return Err(ReadError::Bad("unknown attribute flags"));
@@ -166,7 +200,7 @@ impl Header {
         if total(|b| b.new_vertices) >= 1 << 30 || total(|b| b.new_triangles) >= 1 << 30 {
             return Err(ReadError::Bad("more than 2^30 vertices or triangles"));
         }
-        Ok(Self { file_id, attribute_set, has_seams: flags & 8 != 0, grids, bounds, blocks })
+        Ok(Self { container, file_id, attribute_set, has_seams: flags & 8 != 0, grids, bounds, blocks })
     }
 
     /// What a user of the stream wants to know; `header_bytes` is where the first block begins.
@@ -187,7 +221,7 @@ impl Header {
             }
         }
         StreamInfo {
-            format: "pmesh 0",
+            format: self.container.format(),
             attribute_set: self.attribute_set,
             levels: Some(levels),
             level_count: None,

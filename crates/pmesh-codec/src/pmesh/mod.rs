@@ -3,7 +3,7 @@
 //! The container ([`header`], block framing in `decode` and `encode`) knows nothing of how a refinement is packed, which
 //! is `records`' and `channels`' own business: a denser coding replaces those two.
 
-mod channels;
+pub(crate) mod channels;
 mod decode;
 mod encode;
 pub mod header;
@@ -12,7 +12,9 @@ mod varint;
 
 pub use channels::{Quantisation, quantise};
 pub use decode::PmeshDecoder;
+pub(crate) use decode::texture_of;
 pub use encode::{EncodeOptions, LevelStream, encode};
+pub(crate) use encode::{mime_code, texture_place};
 
 /// First eight bytes of the file: not text, not 7-bit, no line ending survives a conversion unseen.
 pub const SIGNATURE: [u8; 8] = [0x89, b'P', b'M', b'S', b'H', 0x0d, 0x0a, 0x1a];

@@ -1,0 +1,174 @@
+//! Conformance items of patch-coloured streams (FC01): G.16, G.18, named after them. G.15 is a unit test of the codec.
+
+use pmesh_build::compare::difference;
+use pmesh_build::sample::sample;
+use pmesh_build::simplify::{PatchOptions, remove_patches};
+use pmesh_codec::patch::surface::{CanonicalOrder, NONE, Surface};
+use pmesh_codec::patch::{PatchStream, encode};
+use pmesh_codec::pmesh::quantise;
+use pmesh_codec::{Arrival, Receiver};
+use pmesh_core::{IndexedMesh, Vertices};
+use proptest::prelude::*;
+use std::collections::{HashMap, HashSet};
+
+fn taken_apart(mesh: &IndexedMesh, base_vertices: usize) -> PatchStream {
+    remove_patches(mesh, PatchOptions { base_vertices }, |_| ())
+}
+
+fn received(bytes: &[u8], piece: usize) -> (IndexedMesh, u32) {
+    let mut receiver = Receiver::default();
+    bytes.chunks(piece).try_for_each(|b| receiver.push(b)).and_then(|()| receiver.finish()).expect("it decodes");
+    receiver.mesh().check_invariants();
+    (receiver.mesh().finest_mesh(), receiver.mesh().level_count())
+}
+
+/// The triangles of each level, coarsest first, in the numbering of the finest mesh.
+fn levels(stream: &PatchStream) -> Vec<Vec<[u32; 3]>> {
+    let turned = |[a, b, c]: [u32; 3]| [a, b, c].min([b, c, a]).min([c, a, b]);
+    let mut now: Vec<[u32; 3]> = stream.base_triangles.iter().map(|&t| turned(t)).collect();
+    let mut out = vec![now.clone()];
+    for level in &stream.levels {
+        let mut set: HashSet<[u32; 3]> = now.iter().copied().collect();
+        for r in &level.removed {
+            let rim: Vec<u32> = std::iter::once(r.apex).chain(r.chain.iter().copied()).collect();
+            r.chain.windows(2).for_each(|w| assert!(set.remove(&turned([r.apex, w[0], w[1]]))));
+            (0..rim.len()).for_each(|k| assert!(set.insert(turned([r.vertex, rim[k], rim[(k + 1) % rim.len()]]))));
+        }
+        now = set.into_iter().collect();
+        out.push(now.clone());
+    }
+    out
+}
+
+#[test]
+fn g16_patches_are_independent_coloured_apart_and_found_again() {
+    for (name, base) in [("knot", 100), ("part", 0), ("marble", 2000)] {
+        let mut mesh = quantise(&sample(name).expect("it is built in").mesh, Some(12));
+        mesh.vertices.attributes = Default::default();
+        mesh.position_of.clear();
+        let stream = taken_apart(&mesh, base);
+        assert!(stream.levels.len() > 2, "{name}");
+        let all = levels(&stream);
+        let mut raw = (0, 0);
+        for (level, coarse) in stream.levels.iter().zip(&all) {
+            // Independent: no removed vertex on another's rim.
+            let gone: HashSet<u32> = level.removed.iter().map(|r| r.vertex).collect();
+            assert!(level.removed.iter().all(|r| !gone.contains(&r.apex) && r.chain.iter().all(|v| !gone.contains(v))));
+            // Coloured apart: triangles across an edge have one colour only if they are of one patch.
+            let surface = Surface::new(coarse.clone(), mesh.vertices.len() as u32);
+            let turned = |[a, b, c]: [u32; 3]| [a, b, c].min([b, c, a]).min([c, a, b]);
+            let mut patch: HashMap<[u32; 3], (u8, u32)> = HashMap::new();
+            for r in &level.removed {
+                assert!((1..=3).contains(&r.color));
+                r.chain
+                    .windows(2)
+                    .for_each(|w| assert!(patch.insert(turned([r.apex, w[0], w[1]]), (r.color, r.vertex)).is_none()));
+            }
+            for (c, &other) in surface.across.iter().enumerate().filter(|a| *a.1 != NONE) {
+                let of = |c: usize| patch.get(&turned(surface.triangles[c / 3]));
+                if let (Some(a), Some(b)) = (of(c), of(other as usize)) {
+                    assert!(a.0 != b.0 || a.1 == b.1, "{name}: patches of {} and {}", a.1, b.1);
+                }
+            }
+            raw.0 += 2 * coarse.len() as u64;
+            raw.1 += level.removed.iter().map(|r| 2 * (r.chain.len() as u64 + 1 - 2)).sum::<u64>();
+        }
+        let mut bytes = Vec::new();
+        let report = encode(&stream, Some(12), &mut bytes).expect("it encodes");
+        // 2 bits a triangle, 2 (d - 2) a vertex of degree d.
+        assert_eq!((report.color_bits, report.patch_bits), raw);
+        // The patches that a decoder finds are the encoder's: the same mesh comes out, level by level as many triangles.
+        for piece in [usize::MAX, 1, 777] {
+            let (mesh_again, count) = received(&bytes, piece.min(bytes.len()));
+            assert_eq!(difference(&mesh_again, &mesh), None, "{name}");
+            assert_eq!(count as usize, all.len());
+        }
+    }
+}
+
+#[test]
+fn g18_the_first_picture_takes_5_kilobytes() {
+    for name in ["knot", "marble", "part"] {
+        let model = sample(name).expect("it is built in");
+        let stream = remove_patches(&quantise(&model.mesh, Some(12)), PatchOptions::default(), |_| ());
+        let mut bytes = Vec::new();
+        encode(&stream, Some(12), &mut bytes).expect("it encodes");
+        let mut receiver = Receiver::default();
+        receiver.push(&bytes[..bytes.len().min(5 * 1024)]).expect("it decodes");
+        let first = std::iter::from_fn(|| receiver.poll()).any(|a| matches!(a, Arrival::Level { .. }));
+        assert!(first, "{name}: no picture after 5 KB of {}", bytes.len());
+    }
+}
+
+#[test]
+fn every_attribute_and_both_sides_of_a_seam_survive() {
+    let model = sample("globe").expect("it is built in");
+    for bits in [Some(12), None] {
+        let mesh = quantise(&model.mesh, bits);
+        let mut stream = taken_apart(&mesh, 1000);
+        stream.texture = model.texture.clone();
+        let mut bytes = Vec::new();
+        encode(&stream, bits, &mut bytes).expect("it encodes");
+        assert_eq!(difference(&received(&bytes, bytes.len()).0, &mesh), None);
+    }
+}
+
+/// Any triangles: what cannot be taken apart stays in the base, and comes back.
+fn soup() -> impl Strategy<Value = IndexedMesh> {
+    let position = (0i8..9, 0i8..9, 0i8..4).prop_map(|(x, y, z)| [f32::from(x), f32::from(y), f32::from(z)]);
+    prop::collection::vec(position, 1..30).prop_flat_map(|positions| {
+        let n = positions.len() as u32;
+        prop::collection::vec((0..n, 0..n, 0..n).prop_map(|(a, b, c)| [a, b, c]), 0..90).prop_map(move |triangles| IndexedMesh {
+            vertices: Vertices { positions: positions.clone(), ..Default::default() },
+            triangles,
+            ..Default::default()
+        })
+    })
+}
+
+proptest! {
+    #[test]
+    fn any_soup_comes_back(mesh in soup(), bits in prop::option::of(8u8..=16)) {
+        let mesh = quantise(&mesh, bits);
+        let mut bytes = Vec::new();
+        encode(&taken_apart(&mesh, 0), bits, &mut bytes).expect("it encodes");
+        prop_assert_eq!(difference(&received(&bytes, 50).0, &mesh), None);
+    }
+
+    /// A decoder that is given any bytes in a valid frame ends with an error or a valid mesh.
+    #[test]
+    fn no_block_makes_it_panic_or_swell(noise in prop::collection::vec(any::<u8>(), 1..300), at in 0usize..3) {
+        use pmesh_codec::pmesh::header::{Block, BlockKind, Container, Header};
+        let mut mesh = quantise(&sample("tetrahedra").expect("it is built in").mesh, Some(12));
+        mesh.position_of.clear();
+        let mut good = Vec::new();
+        encode(&taken_apart(&mesh, 0), Some(12), &mut good).expect("it encodes");
+        let block = |payload: &[u8], v: u32, t: u32| Block {
+            kind: BlockKind::Level, byte_count: payload.len() as u32, checksum: crc32(payload), new_vertices: v, new_triangles: t, error: 0.0,
+        };
+        let counts = [(40, 60), (noise.len() as u32 * 30, noise.len() as u32 * 60), (3, 6)][at];
+        let blocks = vec![block(&noise, counts.0, counts.1), block(&noise, 7, 14)];
+        let grids = pmesh_codec::pmesh::Quantisation { position_bits: Some(12), position_step: 1.0, ..Default::default() };
+        let header = Header { container: Container::Patches, grids, bounds: ([0.0; 3], [1.0; 3]), blocks, has_seams: at == 2, ..Default::default() };
+        let file = [header.to_bytes(), noise.clone(), noise].concat();
+        let mut receiver = Receiver::default();
+        let _ = receiver.push(&file).and_then(|()| receiver.finish());
+        receiver.mesh().check_invariants();
+        prop_assert!(receiver.mesh().vertices().len() < 10_000);
+    }
+}
+
+fn crc32(bytes: &[u8]) -> u32 {
+    !bytes
+        .iter()
+        .fold(!0u32, |crc, &b| (0..8).fold(crc ^ u32::from(b), |c, _| if c & 1 != 0 { c >> 1 ^ 0xedb8_8320 } else { c >> 1 }))
+}
+
+/// The canonical order lists every triangle once, whatever the mesh.
+#[test]
+fn the_canonical_order_is_a_permutation() {
+    let mesh = sample("tetrahedra").expect("it is built in").mesh;
+    let mut order = CanonicalOrder::of(&Surface::new(mesh.triangles.clone(), mesh.vertices.len() as u32));
+    order.sort_unstable();
+    assert_eq!(order, (0..mesh.triangles.len() as u32).collect::<Vec<_>>());
+}

@@ -1,0 +1,227 @@
+//! Blocks to levels. A block is decoded once it is whole, in steps that [`Decoder::work`] takes.
+
+use super::base::BaseCoder;
+use super::item_limit;
+use super::level::{LevelCoder, LevelModel};
+use super::rows::Rows;
+use super::surface::Surface;
+use crate::pmesh::channels::Channels;
+use crate::pmesh::header::{BlockKind, Container, Header, PREAMBLE_BYTES};
+use crate::pmesh::texture_of;
+use crate::range::RangeDecoder;
+use crate::{DecodeError, Decoder, Event, Place};
+use pmesh_core::Level;
+use std::collections::VecDeque;
+
+/// Triangles or vertices a step: a fraction of a millisecond.
+const STEP: usize = 1024;
+/// Bytes that the range decoder may read past the end: it looks ahead by four.
+const OVERRUN: usize = 16;
+
+/// A block that is being decoded.
+enum Job {
+    Base(RangeDecoder, Box<BaseCoder>, usize),
+    Level(RangeDecoder, Box<LevelCoder>),
+}
+
+/// Push decoder of `.pits`.
+#[derive(Default)]
+pub struct PatchDecoder {
+    head: Vec<u8>,
+    header: Option<Header>,
+    /// Bytes that wait for their block to be whole or for the one before to be decoded.
+    pending: VecDeque<u8>,
+    block: usize,
+    job: Option<Job>,
+    channels: Channels,
+    surface: Surface,
+    rows: Rows,
+    model: Option<LevelModel>,
+    emitted_rows: u32,
+    levels: u32,
+    offset: u64,
+    base: (u32, u64),
+    level_bytes: u64,
+    failed: bool,
+    events: VecDeque<Event>,
+}
+
+impl PatchDecoder {
+    /// A decoder at the first byte.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    fn read_header(&mut self, bytes: &[u8]) -> Result<usize, DecodeError> {
+        let want = match self.head.first_chunk::<PREAMBLE_BYTES>() {
+            None => PREAMBLE_BYTES,
+            Some(preamble) => Header::byte_count(preamble, Container::Patches)?,
+        };
+        let taken = (want - self.head.len()).min(bytes.len());
+        self.head.extend_from_slice(&bytes[..taken]);
+        self.offset += taken as u64;
+        if want == PREAMBLE_BYTES || self.head.len() < want {
+            return Ok(taken);
+        }
+        let header = Header::from_bytes(&self.head)?;
+        for (i, b) in header.blocks.iter().enumerate() {
+            if u64::from(b.new_vertices.max(b.new_triangles)) > item_limit(b.byte_count) {
+                let message = format!("block {i} announces more than its {} bytes can hold", b.byte_count);
+                return Err(DecodeError::syntax(Place::Byte(0), message));
+            }
+        }
+        self.channels = Channels::new(header.attribute_set, header.grids);
+        self.rows.width = self.channels.count();
+        self.events.push_back(Event::Info(header.info(self.offset)));
+        self.header = Some(header);
+        Ok(taken)
+    }
+
+    /// Begins the next block if all its bytes are here; true if it did.
+    fn begin(&mut self) -> Result<bool, DecodeError> {
+        let Some(header) = &self.header else { return Ok(false) };
+        let Some(&block) = header.blocks.get(self.block) else {
+            let place = Place::Byte(self.offset);
+            return if self.pending.is_empty() {
+                Ok(false)
+            } else {
+                Err(DecodeError::syntax(place, "bytes after the last level"))
+            };
+        };
+        if self.pending.len() < block.byte_count as usize {
+            return Ok(false);
+        }
+        let mut bytes: Vec<u8> = self.pending.drain(..block.byte_count as usize).collect();
+        self.offset += bytes.len() as u64;
+        let place = Place::Byte(self.offset);
+        if crc32fast::hash(&bytes) != block.checksum {
+            return Err(DecodeError::Checksum { place, what: format!("block {}", self.block) });
+        }
+        if block.kind == BlockKind::Texture {
+            self.events.push_back(Event::Texture(texture_of(bytes, place)?));
+            self.block += 1;
+            return Ok(true);
+        }
+        self.job = Some(if self.levels == 0 {
+            self.base = (block.new_vertices, u64::from(block.byte_count));
+            let base = BaseCoder::new(block.new_vertices, block.new_triangles, self.rows.width, header.has_seams);
+            Job::Base(RangeDecoder::new(bytes), Box::new(base), 0)
+        } else {
+            self.level_bytes += u64::from(block.byte_count);
+            if block.new_triangles != 2 * u64::from(block.new_vertices).min(1 << 30) as u32
+                || bytes.first().is_none_or(|&o| o > 16)
+            {
+                return Err(DecodeError::syntax(place, format!("block {} is no level of patches", self.block)));
+            }
+            let outer = i64::from(bytes.remove(0));
+            Job::Level(RangeDecoder::new(bytes), Box::new(LevelCoder::new(&self.surface, &self.rows, block.new_vertices, outer)))
+        });
+        Ok(true)
+    }
+
+    /// A step of the block that is being decoded.
+    fn step(&mut self) -> Result<(), String> {
+        let Some(mut job) = self.job.take() else { return Ok(()) };
+        let mut part = Level::default();
+        let (done, overrun) = match &mut job {
+            Job::Base(coder, base, emitted) => {
+                let done = base.step(coder, &mut self.rows, None, STEP)?;
+                part.triangles.extend_from_slice(&base.triangles[*emitted..]);
+                *emitted = base.triangles.len();
+                part.position_of = std::mem::take(&mut base.seams);
+                if done {
+                    self.surface = Surface::new(std::mem::take(&mut base.triangles), self.rows.count());
+                }
+                (done, coder.overrun())
+            }
+            Job::Level(coder, level) => {
+                let mut inserted = Vec::new();
+                let width = self.rows.width;
+                let model = self.model.get_or_insert_with(|| LevelModel::new(width));
+                let done = level.step(coder, model, (&mut self.surface, &mut self.rows), None, STEP, &mut inserted)?;
+                for i in inserted {
+                    part.representatives.push((i.vertex, i.apex));
+                    part.corner_moves.extend(i.corner_moves);
+                    part.triangles.extend(i.triangles);
+                }
+                (done, coder.overrun())
+            }
+        };
+        if overrun > OVERRUN {
+            return Err("it ends before all that the table announces".into());
+        }
+        for v in self.emitted_rows..self.rows.count() {
+            self.channels.push(self.rows.row(v), &mut part.vertices);
+        }
+        self.emitted_rows = self.rows.count();
+        self.events.push_back(Event::Part(part));
+        if done {
+            self.events.push_back(Event::LevelEnd);
+            self.levels += 1;
+            self.block += 1;
+        } else {
+            self.job = Some(job);
+        }
+        Ok(())
+    }
+}
+
+impl Decoder for PatchDecoder {
+    fn push(&mut self, mut bytes: &[u8]) -> Result<(), DecodeError> {
+        if self.failed {
+            return Err(DecodeError::Stopped);
+        }
+        while self.header.is_none() && !bytes.is_empty() {
+            match self.read_header(bytes) {
+                Ok(taken) => bytes = &bytes[taken..],
+                Err(e) => {
+                    self.failed = true;
+                    return Err(e);
+                }
+            }
+        }
+        self.pending.extend(bytes);
+        Ok(())
+    }
+    fn work(&mut self) -> Result<bool, DecodeError> {
+        if self.failed {
+            return Ok(false);
+        }
+        let result = match self.job {
+            Some(_) => {
+                let step = self.step().map(|()| true);
+                step.map_err(|what| DecodeError::syntax(Place::Byte(self.offset), format!("level block {}: {what}", self.block)))
+            }
+            None => self.begin(),
+        };
+        self.failed = result.is_err();
+        result
+    }
+    fn finish(&mut self) -> Result<(), DecodeError> {
+        let place = Place::Byte(self.offset + self.pending.len() as u64);
+        match &self.header {
+            Some(h) if self.block == h.blocks.len() => Ok(()),
+            Some(_) => Err(DecodeError::Truncated { place, inside: "a level", levels: self.levels }),
+            None => Err(DecodeError::Truncated { place, inside: "the header", levels: 0 }),
+        }
+    }
+    fn poll(&mut self) -> Option<Event> {
+        self.events.pop_front()
+    }
+    fn statistics(&self) -> Vec<(&'static str, String)> {
+        let (base, all) = (self.base.0, self.rows.count());
+        let per = |bytes: u64, n: u32| 8.0 * bytes as f64 / f64::from(n.max(1));
+        vec![
+            ("base", format!("{base} vertices in {} bytes, {:.2} bits each", self.base.1, per(self.base.1, base))),
+            (
+                "levels",
+                format!(
+                    "{} vertices in {} bytes, {:.2} bits each",
+                    all - base,
+                    self.level_bytes,
+                    per(self.level_bytes, all - base)
+                ),
+            ),
+        ]
+    }
+}

@@ -1,0 +1,286 @@
+//! Triangles that know what lies across their edges, and the canonical order of them (C.10, C.12).
+
+use std::collections::{HashMap, VecDeque};
+
+/// Stands for "nothing there".
+pub const NONE: u32 = u32::MAX;
+
+/// The corner after `c` in its triangle.
+pub fn next(c: u32) -> u32 {
+    if c % 3 == 2 { c - 2 } else { c + 1 }
+}
+/// The corner before `c` in its triangle.
+pub fn previous(c: u32) -> u32 {
+    if c.is_multiple_of(3) { c + 2 } else { c - 1 }
+}
+
+/// A mesh of which corner `c = 3 t + k` stands at vertex `k` of triangle `t` and names the edge from there to the next.
+#[derive(Clone, Debug, Default)]
+pub struct Surface {
+    /// Corners of each triangle.
+    pub triangles: Vec<[u32; 3]>,
+    /// For each edge the same edge seen from the other side, or [`NONE`] at a boundary and where more than two triangles or
+    /// two of unlike orientation meet.
+    pub across: Vec<u32>,
+    /// A corner of each vertex, or [`NONE`].
+    pub corner_of: Vec<u32>,
+}
+
+/// What a new vertex is put into: the triangles around its representative, in order (C.6).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Fan {
+    /// Vertex that all triangles share.
+    pub apex: u32,
+    /// The triangles' corners at the apex, counter-clockwise; each triangle is (apex, bᵢ, bᵢ₊₁).
+    pub corners: Vec<u32>,
+    /// The other vertices of the hole: one more than triangles.
+    pub chain: Vec<u32>,
+}
+
+impl Surface {
+    /// Finds what lies across each edge. O(triangles).
+    pub fn new(triangles: Vec<[u32; 3]>, vertex_count: u32) -> Self {
+        let mut surface = Self { across: vec![NONE; triangles.len() * 3], corner_of: Vec::new(), triangles };
+        let mut edges: HashMap<(u32, u32), (u32, bool)> = HashMap::with_capacity(surface.across.len());
+        for c in 0..surface.across.len() as u32 {
+            let edge = (surface.vertex(c), surface.vertex(next(c)));
+            edges.entry(edge).and_modify(|e| e.1 = false).or_insert((c, true));
+        }
+        for c in 0..surface.across.len() as u32 {
+            let (a, b) = (surface.vertex(c), surface.vertex(next(c)));
+            let one = edges.get(&(a, b)).is_some_and(|e| e.1);
+            if let Some(&(other, true)) = edges.get(&(b, a)).filter(|_| one && a != b) {
+                surface.across[c as usize] = other;
+            }
+        }
+        surface.corner_of = vec![NONE; vertex_count as usize];
+        for c in (0..surface.across.len() as u32).rev() {
+            let v = surface.vertex(c);
+            surface.corner_of[v as usize] = c;
+        }
+        surface
+    }
+    /// Vertex at a corner.
+    pub fn vertex(&self, c: u32) -> u32 {
+        self.triangles[c as usize / 3][c as usize % 3]
+    }
+    /// Counter-clockwise from corner `c` about its vertex.
+    pub fn turn(&self, c: u32) -> u32 {
+        self.across[previous(c) as usize]
+    }
+    /// Clockwise from corner `c` about its vertex.
+    pub fn turn_back(&self, c: u32) -> u32 {
+        match self.across[c as usize] {
+            NONE => NONE,
+            other => next(other),
+        }
+    }
+
+    /// The fan that triangles `region` make, its apex the lowest vertex that can be one; `None` if they make none: the only
+    /// shape that one representative can express.
+    pub fn fan(&self, region: &[u32]) -> Option<Fan> {
+        let mut apexes = self.triangles[*region.first()? as usize];
+        apexes.sort_unstable();
+        apexes.into_iter().find_map(|apex| self.fan_about(apex, region))
+    }
+    fn fan_about(&self, apex: u32, region: &[u32]) -> Option<Fan> {
+        let corner_in = |t: u32| {
+            let at = self.triangles[t as usize].iter().position(|&v| v == apex)?;
+            Some(3 * t + at as u32)
+        };
+        let corners = region.iter().map(|&t| corner_in(t)).collect::<Option<Vec<_>>>()?;
+        let mut sorted = corners.clone();
+        sorted.sort_unstable();
+        let inside = |c: u32| sorted.binary_search(&c).is_ok();
+        let first = *corners.iter().find(|&&c| !inside(self.turn_back(c)))?;
+        let mut fan = Fan { apex, corners: vec![first], chain: vec![self.vertex(next(first))] };
+        let mut c = first;
+        loop {
+            fan.chain.push(self.vertex(previous(c)));
+            c = self.turn(c);
+            if !inside(c) {
+                break;
+            }
+            fan.corners.push(c);
+        }
+        let mut distinct = fan.chain.clone();
+        distinct.push(apex);
+        distinct.sort_unstable();
+        let simple = distinct.windows(2).all(|w| w[0] != w[1]);
+        (fan.corners.len() == region.len() && simple).then_some(fan)
+    }
+
+    /// Puts a new vertex into a fan: its triangles leave the apex for the vertex, two triangles join the vertex to the apex.
+    /// Gives the vertex. O(fan).
+    pub fn insert(&mut self, fan: &Fan) -> u32 {
+        let v = self.corner_of.len() as u32;
+        let (first, last) = (fan.corners[0], fan.corners[fan.corners.len() - 1]);
+        let (start, end) = (fan.chain[0], fan.chain[fan.chain.len() - 1]);
+        let (outer_first, outer_last) = (self.across[first as usize], self.across[previous(last) as usize]);
+        for &c in &fan.corners {
+            self.triangles[c as usize / 3][c as usize % 3] = v;
+        }
+        let one = self.triangles.len() as u32 * 3;
+        let two = one + 3;
+        self.triangles.extend([[v, fan.apex, start], [v, end, fan.apex]]);
+        self.across.extend([NONE; 6]);
+        let mut pair = |a: u32, b: u32| {
+            self.across[a as usize] = b;
+            if b != NONE {
+                self.across[b as usize] = a;
+            }
+        };
+        pair(one, two + 2);
+        pair(one + 1, outer_first);
+        pair(one + 2, first);
+        pair(two + 1, outer_last);
+        pair(two, previous(last));
+        self.corner_of.push(first);
+        self.corner_of[fan.apex as usize] = one + 1;
+        v
+    }
+}
+
+/// The canonical order: breadth first over vertices from vertex 0, about each of them the triangles that are not listed yet,
+/// counter-clockwise; a boundary vertex begins at its clockwise-most triangle, another at the edge to the vertex that
+/// discovered it; then the lowest vertex that was not met (C.12). Made in steps.
+#[derive(Clone, Debug, Default)]
+pub struct CanonicalOrder {
+    /// Triangles in order, as far as it is known.
+    pub order: Vec<u32>,
+    listed: Vec<bool>,
+    met: Vec<bool>,
+    queue: VecDeque<u32>,
+    seed: usize,
+    sweep: usize,
+}
+
+impl CanonicalOrder {
+    /// The whole order. O(triangles).
+    pub fn of(surface: &Surface) -> Vec<u32> {
+        let mut order = Self::default();
+        while !order.step(surface, usize::MAX) {}
+        order.order
+    }
+    /// Goes on by about `limit` triangles; true once all are listed.
+    pub fn step(&mut self, surface: &Surface, limit: usize) -> bool {
+        self.listed.resize(surface.triangles.len(), false);
+        self.met.resize(surface.corner_of.len(), false);
+        let stop = self.order.len().saturating_add(limit);
+        let mut looked = 0;
+        while self.order.len() < stop && looked < limit {
+            looked += 1;
+            if let Some(corner) = self.queue.pop_front() {
+                self.about(surface, corner);
+            } else if self.seed < self.met.len() {
+                let v = self.seed;
+                self.seed += 1;
+                if !self.met[v] && surface.corner_of[v] != NONE {
+                    self.met[v] = true;
+                    self.queue.push_back(surface.corner_of[v]);
+                }
+            } else if self.sweep < self.listed.len() {
+                // A triangle whose vertices were all met from other sides, as they can be where fans touch at a point.
+                if !std::mem::replace(&mut self.listed[self.sweep], true) {
+                    self.order.push(self.sweep as u32);
+                }
+                self.sweep += 1;
+            } else {
+                return true;
+            }
+        }
+        false
+    }
+    /// Lists the fan about a corner's vertex.
+    fn about(&mut self, surface: &Surface, corner: u32) {
+        let mut start = corner;
+        loop {
+            match surface.turn_back(start) {
+                NONE => break,
+                c if c == corner => {
+                    start = corner;
+                    break;
+                }
+                c => start = c,
+            }
+        }
+        let mut c = start;
+        loop {
+            let t = c as usize / 3;
+            if !std::mem::replace(&mut self.listed[t], true) {
+                self.order.push(t as u32);
+            }
+            // Each neighbour begins at the edge back to this vertex.
+            let back = match surface.across[c as usize] {
+                NONE => next(c),
+                other => other,
+            };
+            self.meet(surface, back);
+            self.meet(surface, previous(c));
+            c = surface.turn(c);
+            if c == NONE || c == start {
+                break;
+            }
+        }
+    }
+    fn meet(&mut self, surface: &Surface, corner: u32) {
+        let v = surface.vertex(corner) as usize;
+        if !std::mem::replace(&mut self.met[v], true) {
+            self.queue.push_back(corner);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// FC01's Figure 5, repaired, as SEEDS C.11 and C.12 have it: vertices, triangles of level 0.
+    fn figure_5() -> Surface {
+        Surface::new(vec![[4, 5, 2], [0, 4, 2], [4, 6, 5], [4, 8, 6], [3, 8, 4], [3, 7, 8], [1, 3, 4], [1, 4, 0]], 9)
+    }
+
+    #[test]
+    fn g15_the_canonical_order_of_figure_5_makes_its_patches() {
+        let mut surface = figure_5();
+        let order = CanonicalOrder::of(&surface);
+        let first = surface.fan(&order[0..2]);
+        // Level 1's triIndex is [0 1]: in coordIndex order for level 0, which are the two triangles of quad 0 4 5 2.
+        let fan = surface.fan(&[0, 1]).expect("a quad is a fan");
+        assert!(first.is_some());
+        assert_eq!(surface.insert(&fan), 9);
+        assert_eq!((surface.corner_of.len(), surface.triangles.len()), (10, 10));
+        let name = |t: &u32| {
+            let mut vertices = surface.triangles[*t as usize];
+            vertices.sort_unstable();
+            match vertices {
+                [0, 2, 9] => 'A',
+                [2, 5, 9] => 'B',
+                [4, 5, 9] => 'C',
+                [0, 4, 9] => 'D',
+                [4, 5, 6] => 'E',
+                [4, 6, 8] => 'F',
+                [3, 4, 8] => 'G',
+                [3, 7, 8] => 'H',
+                [1, 3, 4] => 'I',
+                [0, 1, 4] => 'J',
+                other => panic!("{other:?}"),
+            }
+        };
+        let order = CanonicalOrder::of(&surface);
+        assert_eq!(order.iter().map(name).collect::<String>(), "JDAIGFECBH");
+        let patches: Vec<_> = order.chunks(3).take(3).map(|p| surface.fan(p).expect("a pentagon is a fan")).collect();
+        patches.iter().for_each(|p| assert!(surface.insert(p) > 9));
+        assert_eq!((surface.corner_of.len(), surface.triangles.len()), (13, 16));
+        let again = Surface::new(surface.triangles.clone(), 13);
+        assert_eq!(again.across, surface.across);
+    }
+
+    #[test]
+    fn triangles_about_a_closed_vertex_or_in_two_pieces_are_no_fan() {
+        let closed = Surface::new(vec![[0, 1, 2], [0, 2, 3], [0, 3, 1]], 4);
+        assert_eq!(closed.fan(&[0, 1, 2]), None);
+        assert!(closed.fan(&[0, 1]).is_some());
+        assert_eq!(figure_5().fan(&[0, 5]), None);
+    }
+}
