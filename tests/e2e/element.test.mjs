@@ -95,6 +95,38 @@ onPage("level 2.5 is drawn between levels 3 and 2, as the arrays say", async (pa
   assert.ok(result.a > 0 && result.b > 0 && result.a < result.ends * 1.2 && result.b < result.ends * 1.2, JSON.stringify(result));
 });
 
+onPage("every stream of the papers plays: text, smooth levels, patches; levels in order, the same model at the end", async (page) => {
+  const result = await page.evaluate(async () => {
+    const out = {};
+    for (const ending of ["pmesh", "lod.gz", "slod", "pits"]) {
+      const mesh = add({ src: `/samples/knot.${ending}?rate=400k` });
+      await until(mesh, "load");
+      await settled(mesh);
+      const steps = mesh.log.filter((e) => e.type === "levelready").map((e) => e.detail.step);
+      const shown = { ordered: steps.every((step, i) => step === i), levels: steps.length, count: mesh.levelCount };
+      shown.triangles = mesh.model.triangleCount(0);
+      shown.area = await covered(mesh);
+      const uploaded = (await runtime.getRenderer()).uploadedBytes;
+      mesh.setLevel((mesh.levelCount - 1) / 2 + 0.25);
+      await until(mesh, "levelchange", (d) => d.level === mesh.level);
+      shown.free = (await runtime.getRenderer()).uploadedBytes === uploaded;
+      shown.half = await covered(mesh);
+      shown.errors = mesh.log.filter((e) => e.type === "error");
+      out[ending] = shown;
+      mesh.remove();
+    }
+    return out;
+  });
+  for (const [ending, shown] of Object.entries(result)) {
+    assert.deepEqual(shown.errors, [], ending);
+    assert.ok(shown.ordered && shown.levels === shown.count && shown.free, `${ending}: ${JSON.stringify(shown)}`);
+    assert.equal(shown.triangles, result.pmesh.triangles, ending);
+    assert.ok(Math.abs(shown.area - result.pmesh.area) < 0.02 * result.pmesh.area, `${ending}: ${JSON.stringify(result)}`);
+    assert.ok(shown.half > 0.4 * shown.area, `${ending}: ${JSON.stringify(shown)}`);
+  }
+  assert.ok(result.slod.levels > 10 * result.pits.levels);
+});
+
 onPage("G.9: a canceled levelready waits for update()", async (page) => {
   const result = await page.evaluate(async () => {
     const mesh = add({ src: "/samples/knot.pmesh" });

@@ -167,7 +167,7 @@ fn write_patches(model: Model, input: &Path, output: &Path, how: &How, quiet: bo
     say(&format!(
         "{}: {} levels, {} triangles, {} bytes; base {} vertices in {} bytes; {} removed: {:.2} bits each for patches, {:.2} for displacements",
         output.display(),
-        stream.levels.len() + 1,
+        stream.levels.len() + 1 + usize::from(report.loose.0 > 0),
         mesh.triangles.len(),
         out.len(),
         report.base.0,
@@ -294,7 +294,7 @@ pub fn write_stream(stream: LevelStream, path: &Path, how: &How, quiet: bool) ->
     output::say(&format!("{}: {} levels, {} triangles, {} bytes", path.display(), shown.0, shown.1, bytes.len()))
 }
 
-fn gzip(bytes: &[u8]) -> std::io::Result<Vec<u8>> {
+pub fn gzip(bytes: &[u8]) -> std::io::Result<Vec<u8>> {
     let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
     encoder.write_all(bytes)?;
     encoder.finish()

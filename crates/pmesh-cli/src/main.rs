@@ -1,5 +1,6 @@
 //! The `pmesh` command. One file a subcommand; reading any format is in `input`, writing meshes in `output`.
 
+mod compare;
 mod compare_slod;
 mod decode;
 mod encode;
@@ -34,6 +35,7 @@ enum Command {
     Encode(encode::Args),
     Info(info::Args),
     Decode(decode::Args),
+    Compare(compare::Args),
     CompareSlod(compare_slod::Args),
     Sample(sample::Args),
 }
@@ -44,6 +46,7 @@ fn main() -> ExitCode {
         Command::Encode(args) => encode::run(&args, cli.quiet),
         Command::Info(args) => info::run(&args),
         Command::Decode(args) => decode::run(&args, cli.quiet),
+        Command::Compare(args) => compare::run(&args),
         Command::CompareSlod(args) => compare_slod::run(&args),
         Command::Sample(args) => sample::run(&args, cli.quiet),
     };

@@ -102,7 +102,13 @@ impl PatchDecoder {
             self.block += 1;
             return Ok(true);
         }
-        self.job = Some(if self.levels == 0 {
+        let last = !header.blocks[self.block + 1..].iter().any(|b| b.kind == BlockKind::Level);
+        self.job = Some(if self.levels > 0 && block.new_triangles == 0 && last {
+            // Vertices that no triangle uses.
+            let total = self.rows.count() + block.new_vertices;
+            let rest = BaseCoder::new(total, 0, self.rows.width, header.has_seams);
+            Job::Base(RangeDecoder::new(bytes), Box::new(rest), 0)
+        } else if self.levels == 0 {
             self.base = (block.new_vertices, u64::from(block.byte_count));
             let base = BaseCoder::new(block.new_vertices, block.new_triangles, self.rows.width, header.has_seams);
             Job::Base(RangeDecoder::new(bytes), Box::new(base), 0)
@@ -129,7 +135,7 @@ impl PatchDecoder {
                 part.triangles.extend_from_slice(&base.triangles[*emitted..]);
                 *emitted = base.triangles.len();
                 part.position_of = std::mem::take(&mut base.seams);
-                if done {
+                if done && self.levels == 0 {
                     self.surface = Surface::new(std::mem::take(&mut base.triangles), self.rows.count());
                 }
                 (done, coder.overrun())

@@ -11,7 +11,7 @@ use crate::pmesh::{mime_code, texture_place};
 use crate::range::Encoder;
 use crate::{EncodeError, Texture};
 use pmesh_core::{IndexedMesh, Vertices};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::io::Write;
 
 /// A vertex that a coarser level lacks.
@@ -54,6 +54,8 @@ pub struct PatchStream {
 pub struct PatchReport {
     /// Vertices and triangles of the base mesh, and its bytes.
     pub base: (u32, u32, usize),
+    /// Vertices of no triangle, and their bytes.
+    pub loose: (u32, usize),
     /// Vertices of the levels, and their bytes.
     pub removed: (u32, usize),
     /// Bytes of the levels that say which triangles make patches; the rest are displacements.
@@ -82,13 +84,17 @@ pub fn encode(stream: &PatchStream, position_bits: Option<u8>, out: &mut impl Wr
     let mut report = PatchReport::default();
     // The base.
     let removed: u32 = stream.levels.iter().map(|l| l.removed.len() as u32).sum();
-    let (base_vertices, base_triangles) = (mesh.vertices.len() as u32 - removed, stream.base_triangles.len() as u32);
+    let mut used = vec![false; mesh.vertices.len()];
+    stream.base_triangles.iter().flatten().for_each(|&v| used[v as usize] = true);
+    let loose: Vec<u32> = (0..used.len() as u32).filter(|&v| !used[v as usize]).collect();
+    let loose_count = loose.len() as u32 - removed;
+    let (base_vertices, base_triangles) = (used.len() as u32 - loose.len() as u32, stream.base_triangles.len() as u32);
     let mut position_of = vec![NONE; mesh.vertices.len()];
     mesh.position_of.iter().for_each(|&(v, p)| position_of[v as usize] = p);
     let has_seams = !mesh.position_of.is_empty();
     let mut truth = BaseTruth::new(&source, &stream.base_triangles, &position_of);
-    // Vertices of levels are not the base's.
-    stream.levels.iter().flat_map(|l| &l.removed).for_each(|r| truth.coded[r.vertex as usize] = NONE - 1);
+    // Vertices of levels are not the base's, and those of no triangle come last.
+    loose.iter().for_each(|&v| truth.coded[v as usize] = NONE - 1);
     let mut base = BaseCoder::new(base_vertices, base_triangles, source.width, has_seams);
     let mut rows = Rows { width: source.width, values: Vec::new() };
     let mut coder = Encoder::new();
@@ -96,7 +102,7 @@ pub fn encode(stream: &PatchStream, position_bits: Option<u8>, out: &mut impl Wr
     let payload = coder.finish();
     report.base = (base_vertices, base_triangles, payload.len());
     push_block(&mut blocks, &mut payloads, payload, (base_vertices, base_triangles), stream.errors.first());
-    let mut vertex_order = truth.vertex_order;
+    let mut vertex_order = std::mem::take(&mut truth.vertex_order);
     let mut coded = vec![NONE; mesh.vertices.len()];
     vertex_order.iter().enumerate().for_each(|(new, &old)| coded[old as usize] = new as u32);
     let mut surface = Surface::new(base.triangles, base_vertices);
@@ -123,6 +129,16 @@ pub fn encode(stream: &PatchStream, position_bits: Option<u8>, out: &mut impl Wr
         report.removed.0 += count;
         report.removed.1 += payload.len();
         push_block(&mut blocks, &mut payloads, payload, (count, 2 * count), stream.errors.get(i + 1));
+    }
+    if loose_count > 0 {
+        let in_levels: HashSet<u32> = stream.levels.iter().flat_map(|l| &l.removed).map(|r| r.vertex).collect();
+        loose.iter().filter(|v| !in_levels.contains(v)).for_each(|&v| truth.coded[v as usize] = NONE);
+        let mut coder = Encoder::new();
+        let mut rest = BaseCoder::new(rows.count() + loose_count, 0, rows.width, has_seams);
+        while !rest.step(&mut coder, &mut rows, Some(&mut truth), usize::MAX).map_err(misfit)? {}
+        let payload = coder.finish();
+        report.loose = (loose_count, payload.len());
+        push_block(&mut blocks, &mut payloads, payload, (loose_count, 0), Some(&0.0));
     }
     if let Some(texture) = &stream.texture {
         let at = texture_place(&payloads, texture.bytes.len());
