@@ -28,6 +28,11 @@ pub(crate) fn event(arrival: &Arrival, mesh: &ProgressiveMultilevelMesh, info: O
             set(&out, "bytes", Uint8Array::from(&texture.bytes[..]));
             out
         }
+        Arrival::Elsewhere(urls) => {
+            let out = object("elsewhere");
+            set(&out, "urls", urls.iter().map(JsValue::from).collect::<Array>());
+            out
+        }
         Arrival::Warning(text) => {
             let out = object("warning");
             set(&out, "text", text.as_str());

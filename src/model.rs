@@ -52,7 +52,8 @@ export interface LevelReady {
   vertices: number; triangles: number; bytes: number; error: number | null;
 }
 export type ModelEvent = LevelReady | { type: "info"; info: StreamInfo }
-  | { type: "texture"; mime: string; bytes: Uint8Array } | { type: "warning"; text: string };
+  | { type: "texture"; mime: string; bytes: Uint8Array } | { type: "warning"; text: string }
+  | { type: "elsewhere"; urls: string[] };
 /** Where the model is seen from. */
 export interface ViewOptions {
   /** Size in device pixels. */
@@ -155,7 +156,7 @@ impl State {
                     let change = std::mem::take(change);
                     self.take_change(change);
                 }
-                Arrival::Info(_) | Arrival::Texture(_) | Arrival::Warning(_) => {}
+                Arrival::Info(_) | Arrival::Texture(_) | Arrival::Warning(_) | Arrival::Elsewhere(_) => {}
             }
             out.extend(events::event(&arrival, self.receiver.mesh(), self.receiver.info()));
         }

@@ -25,7 +25,23 @@ impl Model {
         signal: Option<web_sys::AbortSignal>,
         on_events: &Function,
     ) -> Result<(), JsValue> {
-        self.read(Response::from(response), signal.as_ref(), on_events).await
+        let have = self.state.borrow().bytes();
+        self.read(Response::from(response), Part { have, last: true }, signal.as_ref(), on_events).await
+    }
+
+    /// Reads the response of one of several files that make up a stream one after the other. `have` bytes of this file are
+    /// here already; `last` says that the stream ends with it.
+    #[wasm_bindgen(js_name = streamPart)]
+    pub async fn stream_part(
+        &self,
+        response: web_sys::Response,
+        have: f64,
+        last: bool,
+        signal: Option<web_sys::AbortSignal>,
+        on_events: &Function,
+    ) -> Result<(), JsValue> {
+        let part = Part { have: have.max(0.0) as u64, last };
+        self.read(Response::from(response), part, signal.as_ref(), on_events).await
     }
 
     /// Requests what is still missing of `url`, from `bytes` on, and reads it as `stream` does. A single range needs no
@@ -45,11 +61,17 @@ impl Model {
             // The server has no more than is here: whole, or cut short, as the decoder will say.
             return self.end(on_events);
         }
-        self.read(response, signal.as_ref(), on_events).await
+        self.read(response, Part { have: from, last: true }, signal.as_ref(), on_events).await
     }
 
-    async fn read(&self, response: Response, signal: Option<&web_sys::AbortSignal>, on_events: &Function) -> Result<(), JsValue> {
-        let mut skip = self.check(&response)?;
+    async fn read(
+        &self,
+        response: Response,
+        part: Part,
+        signal: Option<&web_sys::AbortSignal>,
+        on_events: &Function,
+    ) -> Result<(), JsValue> {
+        let mut skip = self.check(&response, part.have)?;
         let body = response.body().ok_or_else(|| error("http", "the response has no body"))?;
         let reader: web_sys::ReadableStreamDefaultReader = body.get_reader().unchecked_into();
         let mut clock = Clock::start();
@@ -84,7 +106,7 @@ impl Model {
             self.tell(on_events)?;
         }
         // A connection that breaks is an error of the reader; this is the end of what the server has.
-        self.end(on_events)
+        if part.last { self.end(on_events) } else { Ok(()) }
     }
 
     fn end(&self, on_events: &Function) -> Result<(), JsValue> {
@@ -94,13 +116,14 @@ impl Model {
     }
 
     /// How many bytes of the body to skip.
-    fn check(&self, response: &Response) -> Result<u64, JsValue> {
-        let have = self.state.borrow().bytes();
+    fn check(&self, response: &Response, have: u64) -> Result<u64, JsValue> {
         match response.status() {
             206 => {
                 let range = response.headers().get("content-range").unwrap_or_default();
                 let total = range.rsplit('/').next().and_then(|t| t.parse::<u64>().ok());
-                if total.is_some_and(|t| self.state.borrow().total_bytes().is_some_and(|known| known != t)) {
+                if have == self.state.borrow().bytes()
+                    && total.is_some_and(|t| self.state.borrow().total_bytes().is_some_and(|known| known != t))
+                {
                     return Err(error("http", "the file has changed on the server since its first part was read: load it again"));
                 }
                 let start = range.strip_prefix("bytes ").and_then(|r| r.split('-').next()?.parse::<u64>().ok());
@@ -147,6 +170,14 @@ impl Model {
         on_events.call1(&JsValue::NULL, &events)?;
         Ok(())
     }
+}
+
+/// Of which file a response is.
+struct Part {
+    /// Bytes of it that are here.
+    have: u64,
+    /// The stream ends with it.
+    last: bool,
 }
 
 fn aborted() -> JsValue {

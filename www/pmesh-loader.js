@@ -5,6 +5,8 @@ import { loadModule } from "./pmesh-runtime.js";
 
 /** Milliseconds before each new try after the connection broke. */
 const RETRY_MS = [300, 1000, 3000];
+/** Scenes that may name one another. */
+const MAX_HOPS = 4;
 
 export class PMeshLoader {
   /** The Model, once the module is there. */
@@ -17,6 +19,11 @@ export class PMeshLoader {
   /** The server has answered once: what breaks later is worth another try. */
   #answered = false;
   #timer = 0;
+  /** Files that a scene names, one after the other the stream; which is next, and the bytes before it. */
+  #parts = null;
+  #part = 0;
+  #partStart = 0;
+  #hops = 0;
 
   /** `to` has events(list), called as bytes arrive, done() and failed(error). `src` may be null for a model that the page makes. */
   constructor(src, to) {
@@ -74,8 +81,11 @@ export class PMeshLoader {
       if (signal.aborted) return;
       this.#answered = true;
       this.#tries = 0;
+      const elsewhere = events.find((event) => event.type === "elsewhere");
+      if (elsewhere) this.#elsewhere(elsewhere.urls);
       this.#to.events(events);
     };
+    if (this.#parts) return this.#runParts(signal, tell);
     if (this.model) {
       await this.model.resume(this.#src, signal, tell);
       return;
@@ -91,6 +101,41 @@ export class PMeshLoader {
     const answer = await response;
     this.#answered = true;
     await this.model.stream(answer, signal, tell);
+    if (this.#parts) await this.#runParts(signal, tell);
+  }
+
+  /** The scene says where the model is: relative to the scene, as links are. */
+  #elsewhere(urls) {
+    if (++this.#hops > MAX_HOPS) throw Object.assign(new Error("the scene names a scene that names a scene …"), { code: "syntax" });
+    const base = new URL(this.#src, document.baseURI);
+    this.#parts = urls.map((url) => new URL(url, base).href);
+    this.#part = this.#partStart = 0;
+    this.#src = this.#parts[0];
+    this.model = null;
+  }
+
+  async #runParts(signal, tell) {
+    while (this.#part < this.#parts.length) {
+      const parts = this.#parts;
+      const url = parts[this.#part];
+      const model = this.model ?? (await this.emptyModel());
+      const have = model.bytes - this.#partStart;
+      try {
+        const response = await fetch(url, { signal, headers: have > 0 ? { Range: `bytes=${have}-` } : {} }).catch((error) => {
+          throw signal.aborted ? error : Object.assign(new Error(`the request failed (${error.message})`), { code: "network" });
+        });
+        // Stopped after its last byte: nothing of it is left to ask for.
+        const rest = have > 0 && response.status === 416 ? new Response(new Uint8Array()) : response;
+        await model.streamPart(rest, have, this.#part === parts.length - 1, signal, tell);
+      } catch (error) {
+        if (!signal.aborted) error.message = `${url}: ${error.message}`;
+        throw error;
+      }
+      // A scene may name another.
+      if (this.#parts !== parts) continue;
+      this.#part += 1;
+      this.#partStart = model.bytes;
+    }
   }
 
   #failed(error) {

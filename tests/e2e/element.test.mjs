@@ -95,11 +95,11 @@ onPage("level 2.5 is drawn between levels 3 and 2, as the arrays say", async (pa
   assert.ok(result.a > 0 && result.b > 0 && result.a < result.ends * 1.2 && result.b < result.ends * 1.2, JSON.stringify(result));
 });
 
-onPage("every stream of the papers plays: text, smooth levels, patches; levels in order, the same model at the end", async (page) => {
+onPage("every stream of the papers plays: text, smooth levels, patches, scenes; levels in order, the same model at the end", async (page) => {
   const result = await page.evaluate(async () => {
     const out = {};
-    for (const ending of ["pmesh", "lod.gz", "slod", "pits"]) {
-      const mesh = add({ src: `/samples/knot.${ending}?rate=400k` });
+    for (const ending of [".pmesh", ".lod.gz", ".slod", ".pits", ".x3d", "-levels.wrl"]) {
+      const mesh = add({ src: `/samples/knot${ending}?rate=400k` });
       await until(mesh, "load");
       await settled(mesh);
       const steps = mesh.log.filter((e) => e.type === "levelready").map((e) => e.detail.step);
@@ -120,11 +120,39 @@ onPage("every stream of the papers plays: text, smooth levels, patches; levels i
   for (const [ending, shown] of Object.entries(result)) {
     assert.deepEqual(shown.errors, [], ending);
     assert.ok(shown.ordered && shown.levels === shown.count && shown.free, `${ending}: ${JSON.stringify(shown)}`);
-    assert.equal(shown.triangles, result.pmesh.triangles, ending);
-    assert.ok(Math.abs(shown.area - result.pmesh.area) < 0.02 * result.pmesh.area, `${ending}: ${JSON.stringify(result)}`);
+    assert.equal(shown.triangles, result[".pmesh"].triangles, ending);
+    assert.ok(Math.abs(shown.area - result[".pmesh"].area) < 0.02 * result[".pmesh"].area, `${ending}: ${JSON.stringify(result)}`);
     assert.ok(shown.half > 0.4 * shown.area, `${ending}: ${JSON.stringify(shown)}`);
   }
-  assert.ok(result.slod.levels > 10 * result.pits.levels);
+  assert.ok(result[".slod"].levels > 10 * result[".pits"].levels);
+});
+
+onPage("a scene's levels are fetched only when wanted, and one that is missing is an error that names its URL", async (page) => {
+  const requests = [];
+  page.on("request", (request) => requests.push(request.url()));
+  const stopped = await page.evaluate(async () => {
+    const mesh = add({ src: "/samples/knot-levels.wrl", "max-triangles": "8000" });
+    await until(mesh, "levelready", (d) => d.triangles > 3000);
+    await new Promise((resolve) => setTimeout(resolve, 700));
+    const reached = mesh.model.arrivedLevels;
+    mesh.setAttribute("max-triangles", "1000000");
+    await until(mesh, "load");
+    return { reached, all: mesh.model.arrivedLevels, triangles: mesh.model.triangleCount(0) };
+  });
+  assert.ok(stopped.reached < stopped.all, JSON.stringify(stopped));
+  assert.equal(stopped.triangles, 48000);
+  const files = requests.filter((url) => url.endsWith(".pits"));
+  assert.equal(new Set(files).size, stopped.all, `${files.length} requests`);
+  const failed = await page.evaluate(async () => {
+    const names = [0, 1, 99].map((i) => `"/samples/knot-levels-${i}.pits"`).join(" ");
+    const scene = `#VRML V2.0 utf8\nShape { geometry ProgIndexedTriSet { levelsUrl [ ${names} ] } }`;
+    const absolute = scene.replaceAll('"/', `"${location.origin}/`);
+    const mesh = add({ src: URL.createObjectURL(new Blob([absolute])) });
+    const error = await until(mesh, "error");
+    return { error: error.detail, levels: mesh.model.arrivedLevels };
+  });
+  assert.ok(failed.error.message.includes("knot-levels-99.pits"), failed.error.message);
+  assert.deepEqual([failed.error.code, failed.levels], ["http", 2]);
 });
 
 onPage("G.9: a canceled levelready waits for update()", async (page) => {

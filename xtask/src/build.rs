@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// Samples of the gallery; `pmesh sample --help` says what they are.
 const SAMPLES: [&str; 5] = ["globe", "marble", "knot", "part", "tetrahedra"];
 /// Endings of the streams beside .pmesh; the knot is encoded as each.
-const OTHER_STREAMS: [&str; 3] = ["lod.gz", "slod", "pits"];
+const OTHER_STREAMS: [&str; 4] = ["lod.gz", "slod", "pits", "x3d"];
 /// Element files that go into the npm package beside the module.
 const ELEMENT_FILES: [&str; 8] = [
     "pmesh-element.js",
@@ -102,7 +102,8 @@ pub fn samples() -> Result<()> {
     heading("encoding the samples (www/samples/)");
     fs::create_dir_all("www/samples").map_err(|e| e.to_string())?;
     SAMPLES.iter().try_for_each(|name| pmesh(&["sample", name, "-o", &format!("www/samples/{name}.pmesh")]))?;
-    // One model as every other stream.
+    // One model as every other stream, and as a scene that names a file a level.
+    pmesh(&["sample", "knot", "-o", "www/samples/knot-levels.wrl", "--split-levels"])?;
     OTHER_STREAMS.iter().try_for_each(|ending| pmesh(&["sample", "knot", "-o", &format!("www/samples/knot.{ending}")]))?;
     fs::copy("crates/pmesh-codec/tests/data/figure6.lod", "www/samples/figure6.lod").map(|_| ()).map_err(|e| e.to_string())
 }

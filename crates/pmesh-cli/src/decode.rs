@@ -40,6 +40,9 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
         }
         eprintln!("warning: {}: {source}", args.input.display());
     }
+    if !stream.elsewhere.is_empty() {
+        return Err(CliError::elsewhere(&args.input, &stream.elsewhere));
+    }
     if mesh.arrived_levels() == 0 {
         let first = stream.receiver.info().and_then(|i| i.levels.as_ref()?.first().map(|l| l.end_byte));
         let hint = first.map_or(String::new(), |b| format!("; the first takes {b}"));

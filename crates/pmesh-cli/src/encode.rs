@@ -9,9 +9,11 @@ use flate2::{Compression, write::GzEncoder};
 use pmesh_build::import::Model;
 use pmesh_build::pipeline::{BuildOptions, LevelRule, Method, Steps, build};
 use pmesh_build::simplify::{PatchOptions, Placement, remove_patches};
+use pmesh_codec::patch::{self, PatchStream};
 use pmesh_codec::pmesh::{EncodeOptions, LevelStream, quantise};
+use pmesh_codec::scene::{self, Encoding};
+use pmesh_codec::slod;
 use pmesh_codec::text::{self, TextOptions, TextVariant};
-use pmesh_codec::{patch, slod};
 use pmesh_core::{Attributes, ProgressiveMultilevelMesh};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -24,7 +26,7 @@ use std::path::{Path, PathBuf};
 pub struct Args {
     /// The mesh, or a stream whose levels are kept
     input: PathBuf,
-    /// Where to write: .pmesh, .pits, .lod, .lod.gz or .slod
+    /// Where to write: .pmesh, .pits, .slod, .lod, .lod.gz, .wrl, .x3dv or .x3d
     #[arg(short, long)]
     output: PathBuf,
     #[command(flatten)]
@@ -32,7 +34,7 @@ pub struct Args {
 }
 
 /// What `encode` and `sample` share
-#[derive(clap::Args)]
+#[derive(clap::Args, Default)]
 pub struct How {
     /// Kind of stream [default: as the output's name says]
     #[arg(long, value_enum)]
@@ -53,6 +55,9 @@ pub struct How {
     /// How to simplify [default: half-edge, closest for .slod]
     #[arg(long, value_enum)]
     simplifier: Option<Simplifier>,
+    /// A file a level (name-0.pits, name-1.pits …) and a scene (-o name.wrl, .x3dv or .x3d) that names them in levelsUrl
+    #[arg(long)]
+    split_levels: bool,
     /// Text format only: GV97's Surface Partition layout, all representatives after the coarsest level
     #[arg(long)]
     surface_partition: bool,
@@ -80,8 +85,10 @@ enum Stream {
     Lod,
     /// SS97's packets, a level a vertex
     Slod,
-    /// FC01's patches: half of .pmesh's size
+    /// FC01's patches: the smallest
     Patch,
+    /// FC01's nodes as VRML97, X3D classic or X3D XML text, as the name's ending says
+    Nodes,
 }
 
 impl Stream {
@@ -93,11 +100,14 @@ impl Stream {
             (".lod.gz", Stream::Lod),
             (".slod", Stream::Slod),
             (".pits", Stream::Patch),
+            (".wrl", Stream::Nodes),
+            (".x3dv", Stream::Nodes),
+            (".x3d", Stream::Nodes),
         ];
         let named = known.iter().find(|k| name.ends_with(k.0)).map(|k| k.1);
         how.stream.or(named).ok_or_else(|| {
             CliError::Other(format!(
-                "{}: write .pmesh, .pits, .lod, .lod.gz or .slod, or say which with --stream",
+                "{}: write .pmesh, .pits, .slod, .lod, .lod.gz, .wrl, .x3dv or .x3d, or say which with --stream",
                 path.display()
             ))
         })
@@ -120,7 +130,7 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
     let kind = Stream::of(&args.output, &args.how)?;
     let bytes = input::read(&args.input)?;
     let is_stream = input::is_stream(&args.input, &bytes);
-    if is_stream && kind != Stream::Patch {
+    if is_stream && !matches!(kind, Stream::Patch | Stream::Nodes) && !input::is_plain_scene(&bytes) {
         args.how.warn_of_kept_levels(&args.input);
         return write_stream(kept_levels(&args.input, &bytes)?, &args.output, &args.how, quiet);
     }
@@ -133,8 +143,10 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
 
 /// Patches are levels of their own kind: a stream is decoded to its finest mesh first.
 fn finest(path: &Path, bytes: &[u8]) -> Result<Model> {
-    eprintln!("warning: {}: a .pits has levels of its own; they are made anew from the finest", path.display());
     let stream = input::decode_whole(path, bytes)?;
+    if stream.receiver.mesh().arrived_levels() > 1 {
+        eprintln!("warning: {}: this stream has levels of its own kind; they are made anew from the finest", path.display());
+    }
     Ok(Model { mesh: stream.receiver.mesh().finest_mesh(), texture: stream.texture, ..Default::default() })
 }
 
@@ -144,7 +156,8 @@ fn write_patches(model: Model, input: &Path, output: &Path, how: &How, quiet: bo
             "warning: --levels, --growth and --simplifier have no effect on a .pits: its levels are independent sets of vertices"
         );
     }
-    let bits = how.bits.unwrap_or(Bits(Some(DEFAULT_BITS))).0;
+    let text = Stream::of(output, how)? == Stream::Nodes && !how.split_levels;
+    let bits = how.bits.unwrap_or(Bits(if text { None } else { Some(DEFAULT_BITS) })).0;
     let mut mesh = quantise(&model.mesh, bits);
     if mesh.vertices.is_empty() {
         return Err(CliError::build(input)(pmesh_build::BuildError::Empty));
@@ -158,8 +171,15 @@ fn write_patches(model: Model, input: &Path, output: &Path, how: &How, quiet: bo
     progress.done();
     stream.texture = model.texture;
     let mut out = Vec::new();
+    if text {
+        return write_nodes(&stream, output, quiet);
+    }
     let report = patch::encode(&stream, bits, &mut out).map_err(CliError::encode(output))?;
-    output::write_bytes(output, &out)?;
+    if how.split_levels {
+        split_levels(&out, output, quiet)?;
+    } else {
+        output::write_bytes(output, &out)?;
+    }
     if quiet {
         return Ok(());
     }
@@ -176,6 +196,56 @@ fn write_patches(model: Model, input: &Path, output: &Path, how: &How, quiet: bo
         per(report.connectivity),
         per(report.removed.1 - report.connectivity)
     ))
+}
+
+fn encoding_of(output: &Path) -> Encoding {
+    let extension = output.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
+    match extension.as_str() {
+        "x3d" => Encoding::X3dXml,
+        "x3dv" => Encoding::X3dClassic,
+        _ => Encoding::Vrml97,
+    }
+}
+
+fn write_nodes(stream: &PatchStream, output: &Path, quiet: bool) -> Result<()> {
+    if stream.texture.is_some() {
+        eprintln!("warning: {}: the image is left out: nodes hold texture coordinates only", output.display());
+    }
+    let mut text = Vec::new();
+    let rounded = scene::write(stream, encoding_of(output), &mut text).map_err(CliError::encode(output))?;
+    if rounded > 0 {
+        eprintln!("warning: {}: {rounded} numbers, tiny beside their neighbours, come back rounded", output.display());
+    }
+    output::write_bytes(output, &text)?;
+    if quiet {
+        return Ok(());
+    }
+    say(&format!("{}: {} levels, {} bytes", output.display(), stream.levels.len() + 1, text.len()))
+}
+
+/// Cuts a `.pits` where its levels end; the pieces one after the other are the file.
+fn split_levels(bytes: &[u8], output: &Path, quiet: bool) -> Result<()> {
+    if Stream::of(output, &How::default())? != Stream::Nodes {
+        return Err(CliError::Other(format!("{}: --split-levels writes a scene: name a .wrl, .x3dv or .x3d", output.display())));
+    }
+    let table = input::decode_whole(output, bytes)?.receiver.info().and_then(|i| i.levels.clone()).unwrap_or_default();
+    let (mut from, mut names) = (0, Vec::new());
+    for (i, level) in table.iter().enumerate() {
+        let end = if i + 1 == table.len() { bytes.len() } else { level.end_byte as usize };
+        let stem = output.file_stem().unwrap_or_default().to_string_lossy();
+        let name = format!("{stem}-{i}.pits");
+        output::write_bytes(&output.with_file_name(&name), &bytes[from..end])?;
+        from = end;
+        names.push(name);
+    }
+    let mut text = Vec::new();
+    scene::write_urls(&names, encoding_of(output), &mut text).map_err(CliError::encode(output))?;
+    output::write_bytes(output, &text)?;
+    if quiet {
+        Ok(())
+    } else {
+        say(&format!("{}: names {} files, {} to {}", output.display(), names.len(), names[0], names[names.len() - 1]))
+    }
 }
 
 pub fn kept_levels(path: &Path, bytes: &[u8]) -> Result<LevelStream> {
@@ -220,7 +290,7 @@ impl How {
 /// Encodes `model` as the stream that `output` names, as `how` says.
 pub fn encode_model(model: Model, input: &Path, output: &Path, how: &How, quiet: bool) -> Result<()> {
     match Stream::of(output, how)? {
-        Stream::Patch => write_patches(model, input, output, how, quiet),
+        Stream::Patch | Stream::Nodes => write_patches(model, input, output, how, quiet),
         kind => write_stream(simplified(&model, input, how, kind, quiet)?, output, how, quiet),
     }
 }
@@ -271,8 +341,8 @@ pub fn write_stream(stream: LevelStream, path: &Path, how: &How, quiet: bool) ->
                 bytes = gzip(&bytes).map_err(CliError::io(path))?;
             }
         }
-        Stream::Patch => {
-            let message = "has levels already: write it as a .pmesh and encode that as a .pits";
+        Stream::Patch | Stream::Nodes => {
+            let message = "has levels already: write it as a .pmesh and encode that";
             return Err(CliError::Other(format!("{}: what it is made of {message}", path.display())));
         }
         Stream::Slod => {

@@ -22,6 +22,11 @@ pub enum CliError {
 pub type Result<T> = std::result::Result<T, CliError>;
 
 impl CliError {
+    /// A scene that only names other files: no file is read that was not asked for.
+    pub fn elsewhere(path: &Path, urls: &[String]) -> Self {
+        let join = if urls.len() > 1 { format!(" (joined: cat {} > model.pits)", urls.join(" ")) } else { String::new() };
+        CliError::Other(format!("{}: the model is in other files; name them instead: {}{join}", path.display(), urls.join(", ")))
+    }
     pub fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
         |source| CliError::Io { path: path.into(), source }
     }

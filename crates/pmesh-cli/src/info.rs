@@ -56,6 +56,9 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(source) = stream.error.clone().filter(|_| stream.receiver.mesh().arrived_levels() == 0) {
         return Err(CliError::Decode { path: args.input.clone(), source });
     }
+    if !stream.elsewhere.is_empty() {
+        return Err(CliError::elsewhere(&args.input, &stream.elsewhere));
+    }
     stream.receiver.mesh_mut().shrink_to_fit();
     let mesh = stream.receiver.mesh();
     let info = stream.receiver.info().cloned().unwrap_or_default();

@@ -18,6 +18,8 @@ pub struct Stream {
     pub receiver: Receiver,
     pub texture: Option<Texture>,
     pub warnings: Vec<String>,
+    /// Files that the model is in instead.
+    pub elsewhere: Vec<String>,
     /// Byte count after each level.
     pub level_bytes: Vec<u64>,
     /// Why it ended early, if it did.
@@ -31,12 +33,26 @@ pub fn is_stream(path: &Path, bytes: &[u8]) -> bool {
         || bytes.starts_with(&pmesh_codec::slod::SIGNATURE)
         || bytes.starts_with(&pmesh_codec::patch::SIGNATURE)
         || bytes.starts_with(&[0x1f, 0x8b])
-        || [".pmesh", ".lod", ".lod.gz", ".slod", ".pits"].iter().any(|e| name.ends_with(e))
+        || [".pmesh", ".lod", ".lod.gz", ".slod", ".pits", ".wrl", ".x3dv", ".x3d"].iter().any(|e| name.ends_with(e))
+}
+
+/// True if the bytes are a scene with plain face sets: a mesh, though a decoder reads it.
+pub fn is_plain_scene(bytes: &[u8]) -> bool {
+    let head = bytes.trim_ascii_start();
+    let scene = head.starts_with(b"<") || head.starts_with(b"#VRML") || head.starts_with(b"#X3D");
+    scene && decode(bytes, true).receiver.mesh().arrived_levels() <= 1
 }
 
 /// Decodes `bytes`; an error ends it but what came before stays. `whole` says that the stream is meant to end there.
 pub fn decode(bytes: &[u8], whole: bool) -> Stream {
-    let mut stream = Stream { receiver: Receiver::default(), texture: None, warnings: vec![], level_bytes: vec![], error: None };
+    let mut stream = Stream {
+        receiver: Receiver::default(),
+        texture: None,
+        warnings: vec![],
+        elsewhere: vec![],
+        level_bytes: vec![],
+        error: None,
+    };
     // Small pushes, so that the byte count at which a level is complete is close.
     let pushed = bytes.chunks(256).try_for_each(|chunk| {
         let result = stream.receiver.push(chunk);
@@ -55,6 +71,7 @@ fn drain(stream: &mut Stream) {
             Arrival::Level { bytes, .. } => stream.level_bytes.push(bytes),
             Arrival::Texture(texture) => stream.texture = Some(texture),
             Arrival::Warning(text) => stream.warnings.push(text),
+            Arrival::Elsewhere(urls) => stream.elsewhere = urls,
             Arrival::Info(_) | Arrival::Part(_) => {}
         }
     }
@@ -65,6 +82,7 @@ pub fn decode_whole(path: &Path, bytes: &[u8]) -> Result<Stream> {
     let stream = decode(bytes, true);
     match stream.error {
         Some(source) => Err(CliError::Decode { path: path.into(), source }),
+        None if !stream.elsewhere.is_empty() => Err(CliError::elsewhere(path, &stream.elsewhere)),
         None => Ok(stream),
     }
 }

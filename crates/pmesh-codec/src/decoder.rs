@@ -1,6 +1,6 @@
 //! The one interface of all decoders, and the choice among them by the first bytes.
 
-use crate::{DecodeError, gzip::GzipDecoder, patch, pmesh::PmeshDecoder, slod, text::TextDecoder};
+use crate::{DecodeError, gzip::GzipDecoder, patch, pmesh::PmeshDecoder, scene, slod, text::TextDecoder};
 use pmesh_core::{AttributeSet, Level};
 
 /// A level as the stream's own table announces it.
@@ -61,6 +61,8 @@ pub enum Event {
     Texture(Texture),
     /// Something is odd but can be read.
     Warning(String),
+    /// The model is in other files, one after the other: URLs relative to this one's.
+    Elsewhere(Vec<String>),
 }
 
 /// A push decoder: bytes in, in any cuts; events out.
@@ -120,9 +122,16 @@ impl Sniffer {
         if !self.inside_gzip && starts(&[0x1f, 0x8b]) {
             return Ok((seen.len() >= 2).then(|| Box::new(GzipDecoder::new()) as Box<_>));
         }
+        if [&b"#VRML"[..], b"#X3D"].iter().any(|sig| seen.starts_with(sig)) {
+            return Ok(Some(Box::new(scene::SceneDecoder::new())));
+        }
+        if seen.len() < 5 && [&b"#VRML"[..], b"#X3D"].iter().any(|sig| sig.starts_with(seen)) {
+            return Ok(None);
+        }
         let head = &seen[..seen.len().min(SNIFF_LIMIT)];
         match head.iter().find(|b| !b.is_ascii_whitespace()) {
             None if seen.len() < SNIFF_LIMIT => Ok(None),
+            Some(b'<') => Ok(Some(Box::new(scene::SceneDecoder::new()))),
             Some(b'#' | b'{') => Ok(Some(Box::new(TextDecoder::new(Default::default())))),
             _ => Err(DecodeError::UnknownFormat { found: describe(seen) }),
         }

@@ -9,6 +9,8 @@
 //! | `.pmesh`, version 0 | [`pmesh`] | [`pmesh::encode`] |
 //! | text, `.lod` (A.21–A.24, D.7) | [`text`] | [`text::write`] |
 //! | smooth levels, `.slod` (B.13–B.16) | [`slod`] | [`slod::encode`] |
+//! | patches, `.pits` (C.3–C.6) | [`patch`] | [`patch::encode`] |
+//! | VRML97 and X3D, `.wrl`, `.x3dv`, `.x3d` (C.7–C.12, A.19) | [`scene`] | [`scene::write`] |
 //! | any of them, gzipped | [`gzip`] | flate2 |
 //!
 //! Nothing here reads a clock, a file or a socket; memory is bounded by what was pushed.
@@ -21,6 +23,7 @@ pub mod patch;
 pub mod pmesh;
 mod range;
 mod receiver;
+pub mod scene;
 pub mod slod;
 pub mod text;
 

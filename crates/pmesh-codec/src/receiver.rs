@@ -24,6 +24,8 @@ pub enum Arrival {
     Texture(Texture),
     /// Something is odd.
     Warning(String),
+    /// The model is in other files, one after the other: URLs relative to this one's.
+    Elsewhere(Vec<String>),
 }
 
 /// Grows a [`ProgressiveMultilevelMesh`] from bytes.
@@ -141,6 +143,7 @@ impl Receiver {
                 }
                 Event::Texture(texture) => Arrival::Texture(texture),
                 Event::Warning(text) => Arrival::Warning(text),
+                Event::Elsewhere(urls) => Arrival::Elsewhere(urls),
             };
             self.arrivals.push_back(arrival);
         }

@@ -46,6 +46,7 @@ mod mesh;
 mod multilevel;
 pub mod normals;
 mod pending;
+pub mod polygon;
 pub mod reference;
 mod split;
 pub mod stepped;

@@ -4,7 +4,6 @@ mod gltf;
 mod obj;
 mod off;
 mod ply;
-mod polygon;
 mod scan;
 mod stl;
 

@@ -4,7 +4,7 @@
 //! Texture coordinates are kept as written (v upwards).
 
 use super::scan::{Line, lines};
-use super::{Dropped, Model, polygon};
+use super::{Dropped, Model};
 use crate::BuildError;
 use pmesh_core::{IndexedMesh, Vertices};
 use std::collections::HashMap;
@@ -88,7 +88,7 @@ impl Reader {
             self.dropped.note("faces of fewer than three corners are not carried");
         }
         let points: Vec<_> = corners.iter().map(|c| self.positions[c[0] as usize]).collect();
-        polygon::triangulate(&points, |t| self.triangles.push(t.map(|i| corners[i])));
+        pmesh_core::polygon::triangulate(&points, |t| self.triangles.push(t.map(|i| corners[i])));
         Ok(())
     }
 

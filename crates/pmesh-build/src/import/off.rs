@@ -1,7 +1,7 @@
 //! OFF: `OFF`, `COFF`, `NOFF`, `STOFF` and their mixtures, ASCII. No library at hand reads the variants.
 
 use super::scan::{Line, lines};
-use super::{Dropped, Model, polygon};
+use super::{Dropped, Model};
 use crate::BuildError;
 use pmesh_core::{IndexedMesh, Vertices};
 
@@ -90,6 +90,6 @@ fn face(line: &mut Line, vertices: &Vertices, out: &mut Vec<[u32; 3]>, dropped: 
         dropped.note("faces of fewer than three corners are not carried");
     }
     let points: Vec<_> = corners.iter().map(|&v| vertices.positions[v as usize]).collect();
-    polygon::triangulate(&points, |t| out.push(t.map(|i| corners[i])));
+    pmesh_core::polygon::triangulate(&points, |t| out.push(t.map(|i| corners[i])));
     Ok(())
 }

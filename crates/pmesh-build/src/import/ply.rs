@@ -1,6 +1,6 @@
 //! Stanford PLY, ASCII and both binary byte orders, by ply-rs-bw: vertices, faces, and triangle strips.
 
-use super::{Dropped, Model, polygon};
+use super::{Dropped, Model};
 use crate::BuildError;
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType};
@@ -164,7 +164,7 @@ fn add_face(face: &[i64], vertices: &Vertices, out: &mut Vec<[u32; 3]>, dropped:
         dropped.note("faces of fewer than three corners are not carried");
     }
     let points: Vec<_> = corners.iter().map(|&v| vertices.positions[v as usize]).collect();
-    polygon::triangulate(&points, |t| out.push(t.map(|i| corners[i])));
+    pmesh_core::polygon::triangulate(&points, |t| out.push(t.map(|i| corners[i])));
     Ok(())
 }
 

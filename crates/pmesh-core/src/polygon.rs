@@ -6,7 +6,7 @@ type Point = [f64; 3];
 const EAR_LIMIT: usize = 256;
 
 /// Gives the triangles of the polygon `corners`, as indices into it. Degenerate polygons are fanned.
-pub(super) fn triangulate(corners: &[[f32; 3]], mut give: impl FnMut([usize; 3])) {
+pub fn triangulate(corners: &[[f32; 3]], mut give: impl FnMut([usize; 3])) {
     let n = corners.len();
     let fan = |give: &mut dyn FnMut([usize; 3])| (2..n).for_each(|i| give([0, i - 1, i]));
     if !(4..=EAR_LIMIT).contains(&n) {

@@ -1,0 +1,179 @@
+//! Scenes: FC01's Figure 5 (G.15, G.17), GV99's Figures 7 and 8, plain face sets, and what is wrong with some.
+
+use pmesh_codec::scene::{Encoding, write};
+use pmesh_codec::{Arrival, DecodeError, Receiver};
+use pmesh_core::IndexedMesh;
+
+const FIGURE_5: &str = include_str!("data/figure5-printed.wrl");
+
+/// Figure 5 as it should have been printed; a missing -1 at the end of triIndex is allowed (C.8).
+const REPAIRED: &str = "#VRML V2.0 utf8
+Shape { geometry ProgIndexedTriSet {
+  coord Coordinate { point [10 70 0, 20 20 0, 65 120 0, 80 20 0, 90 60 0, 110 120 0, 115 90 0, 120 10 0, 150 55 0] }
+  coordIndex [4 5 2 -1 0 4 2 -1 4 6 5 -1 4 8 6 -1 3 8 4 -1 3 7 8 -1 1 3 4 -1 1 4 0]
+  levels [
+    ProgLOD { coord Coordinate { point [0 0 0] } triIndex [0 1] }
+    ProgLOD { coord Coordinate { point [0 0 0, 0 0 0, 0 0 0] } triIndex [0 1 2 -1 3 4 5 -1 6 7 8] }
+  ]
+} }";
+
+struct Read {
+    receiver: Receiver,
+    warnings: Vec<String>,
+    elsewhere: Vec<String>,
+    error: Option<DecodeError>,
+}
+
+fn read(text: &str) -> Read {
+    let mut receiver = Receiver::default();
+    let pieces = text.as_bytes().chunks(7);
+    let error = { pieces }.try_for_each(|p| receiver.push(p)).and_then(|()| receiver.finish()).err();
+    let mut out = Read { receiver, warnings: vec![], elsewhere: vec![], error };
+    while let Some(arrival) = out.receiver.poll() {
+        match arrival {
+            Arrival::Warning(text) => out.warnings.push(text),
+            Arrival::Elsewhere(urls) => out.elsewhere = urls,
+            _ => {}
+        }
+    }
+    out.receiver.mesh().check_invariants();
+    out
+}
+
+fn counts(read: &Read) -> Vec<(u32, u32)> {
+    let mesh = read.receiver.mesh();
+    let levels = (0..mesh.level_count()).rev();
+    levels.map(|l| (mesh.vertex_count(l).expect("it is there"), mesh.triangle_count(l).expect("it is there"))).collect()
+}
+
+#[test]
+fn g15_figure_5_as_printed_and_as_repaired_gives_its_three_levels() {
+    for (text, warned) in [(FIGURE_5, true), (REPAIRED, false)] {
+        let read = read(text);
+        assert_eq!(read.error, None);
+        assert_eq!(!read.warnings.is_empty(), warned, "{:?}", read.warnings);
+        assert_eq!(counts(&read), [(9, 8), (10, 10), (13, 16)]);
+        let finest = read.receiver.mesh().finest_mesh();
+        let expected = [[68.75, 92.5, 0.0], [50.75, 72.5, 0.0], [91.0, 49.0, 0.0], [89.75, 96.5, 0.0]];
+        assert_eq!(finest.vertices.positions[9..], expected);
+        // Consistently oriented, none of them flat or turned over.
+        let p = &finest.vertices.positions;
+        let area = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|v| p[v as usize]);
+            (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        };
+        assert!(finest.triangles.iter().all(|t| area(t) > 0.0));
+    }
+    let printed = read(FIGURE_5);
+    assert!(printed.warnings.iter().any(|w| w.contains("2 of 8 triangles")), "{:?}", printed.warnings);
+}
+
+#[test]
+fn g17_levels_url_takes_the_place_of_what_is_inline() {
+    let text = REPAIRED.replace("  levels [", "  levelsUrl [\"a-0.pits\" \"a-1.pits\"]\n  levels [");
+    let read = read(&text);
+    assert_eq!((read.error, read.elsewhere), (None, vec!["a-0.pits".into(), "a-1.pits".into()]));
+    assert_eq!(read.receiver.mesh().arrived_levels(), 0);
+}
+
+#[test]
+fn figures_7_and_8_of_gv99_name_another_stream() {
+    let figure_7 = "#VRML V2.0 utf8
+PROTO MultiLevelProgIfs [ field SFString urlData \"\"   field SFBool debug FALSE ]
+{ DEF ifs IndexedFaceSet { coordIndex []  coord Coordinate { point [ ] } }
+  DEF script Script { url \"ProgIfs.class\"  directOutput TRUE  mustEvaluate TRUE
+    field SFString urlData IS urlData   field SFNode ifs USE ifs   eventIn SFBool update   eventOut SFBool isReady }
+  ROUTE script.isReady TO script.update }
+";
+    let use_of_it = "Shape { geometry MultiLevelProgIfs { urlData \"horse.lod.gz\" } }";
+    let figure_8 = "#VRML V2.0 utf8\nEXTERNPROTO MultiLevelProgIfs [ field SFString urlData ] [\"ProgIfs.wrl\"]\n".to_string();
+    for text in [figure_8 + use_of_it, figure_7.to_string() + use_of_it] {
+        let read = read(&text);
+        assert_eq!((read.error, read.elsewhere), (None, vec!["horse.lod.gz".into()]));
+    }
+}
+
+#[test]
+fn plain_scenes_are_one_mesh_with_transforms_colours_and_polygons() {
+    let vrml = "#VRML V2.0 utf8
+DEF square Shape { geometry IndexedFaceSet {
+  coord DEF c Coordinate { point [0 0 0, 1 0 0, 1 1 0, 0 1 0] }
+  coordIndex [0 1 2 3 -1] color Color { color [1 0 0, 0 1 0] } colorPerVertex FALSE colorIndex [1] } }
+Transform { translation 10 0 0 rotation 0 0 1 1.5707963267948966 scale 2 2 2 children [ USE square ] }";
+    let x3d = "<?xml version='1.0'?><!DOCTYPE X3D PUBLIC 'ISO//Web3D//DTD X3D 3.3//EN' 'http://www.web3d.org/x3d.dtd'>
+<X3D><Scene><Shape DEF='square'><IndexedFaceSet coordIndex='0 1 2 3 -1' colorPerVertex='false' colorIndex='1'>
+<Coordinate point='0 0 0, 1 0 0, 1 1 0, 0 1 0'/><Color color='1 0 0 0 1 0'/></IndexedFaceSet></Shape>
+<Transform translation='10 0 0' rotation='0 0 1 1.5707963267948966' scale='2 2 2'><Shape USE='square'/></Transform></Scene></X3D>";
+    for text in [vrml, x3d] {
+        let read = read(text);
+        assert_eq!((&read.error, read.warnings.len()), (&None, 0), "{text}");
+        let mesh = read.receiver.mesh().finest_mesh();
+        assert_eq!((mesh.vertices.len(), mesh.triangles.len()), (8, 4));
+        assert_eq!(mesh.vertices.attributes.colors, [[0.0, 1.0, 0.0, 1.0]; 8]);
+        let corner = mesh.vertices.positions[6];
+        let off = (0..3).map(|k| (corner[k] - [8.0, 2.0, 0.0][k]).abs()).fold(0.0, f32::max);
+        assert!(off < 1e-6, "{corner:?}");
+    }
+}
+
+#[test]
+fn what_is_wrong_is_an_error_with_its_line_and_what_is_whole_stays() {
+    let cut = &REPAIRED[..REPAIRED.len() - 30];
+    let read_cut = read(cut);
+    assert_eq!(counts(&read_cut), [(9, 8), (10, 10)]);
+    assert!(read_cut.error.expect("it is cut").to_string().contains("line 7"));
+    for (from, to, what) in [
+        ("triIndex [0 1]", "triIndex [0 9]", "past"),
+        ("triIndex [0 1]", "triIndex [0 5]", "no fan"),
+        ("triIndex [0 1 2 -1 3 4 5 -1 6 7 8]", "triIndex [0 1 2 -1 2 4 5 -1 6 7 8]", "patch 1"),
+        ("point [0 0 0]", "point [0 0 0, 1 1 1]", "corrections"),
+        ("1 4 0]", "1 4 77]", "index 77"),
+        ("coordIndex [4 5 2 -1", "coordIndex [4 5 2 1 -1", "corners"),
+    ] {
+        let read = read(&REPAIRED.replacen(from, to, 1));
+        let error = read.error.unwrap_or_else(|| panic!("{to}")).to_string();
+        assert!(error.contains(what) && error.contains("line"), "{error}");
+    }
+    assert!(read("#VRML V2.0 utf8\nShape { geometry Sphere {} }").warnings[0].contains("Sphere"));
+    let deep = format!("#VRML V2.0 utf8\n{}", "Group { children [ ".repeat(100_000));
+    assert!(read(&deep).error.expect("too deep").to_string().contains("deeper"));
+    let copies = (0..60).fold("#VRML V2.0 utf8\nDEF a0 Group {}\n".to_string(), |s, i| {
+        s + &format!("DEF a{} Group {{ children [ USE a{i} USE a{i} ] }}\n", i + 1)
+    });
+    assert!(read(&copies).error.expect("too many").to_string().contains("copies"));
+    let lol = (0..60).fold("<X3D><Scene><Group DEF='a0'/>".to_string(), |s, i| {
+        s + &format!("<Group DEF='a{}'><Group USE='a{i}'/><Group USE='a{i}'/></Group>", i + 1)
+    });
+    assert!(read(&(lol + "</Scene></X3D>")).error.expect("too many").to_string().contains("copies"));
+}
+
+#[test]
+fn a_patch_stream_written_as_nodes_comes_back_bit_for_bit() {
+    use pmesh_codec::patch::{PatchLevel, PatchStream, Removed};
+    let third = 1.0 / 3.0;
+    let positions = vec![[0., 0., 0.], [4., third, 0.], [0., 4., 0.1], [0., 0., 4.], [1., 1., -third], [1.1, 2., -2.7]];
+    let vertices = pmesh_core::Vertices {
+        attributes: pmesh_core::Attributes {
+            colors: positions.iter().map(|p: &[f32; 3]| [p[0] / 5.0, 0.3, 0.7, 1.0]).collect(),
+            ..Default::default()
+        },
+        positions,
+    };
+    let mesh = IndexedMesh { vertices, ..Default::default() };
+    let level =
+        |vertex, apex, chain: &[u32]| PatchLevel { removed: vec![Removed { vertex, apex, chain: chain.to_vec(), color: 1 }] };
+    let levels = vec![level(4, 0, &[2, 1]), level(5, 4, &[0, 2, 1])];
+    let base_triangles = vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
+    let stream = PatchStream { mesh: mesh.clone(), base_triangles, levels, errors: vec![], texture: None };
+    for encoding in [Encoding::Vrml97, Encoding::X3dClassic, Encoding::X3dXml] {
+        let mut text = Vec::new();
+        write(&stream, encoding, &mut text).expect("it writes");
+        let read = read(std::str::from_utf8(&text).expect("text"));
+        assert_eq!((&read.error, read.warnings.len()), (&None, 0), "{encoding:?} {:?}", read.warnings);
+        assert_eq!(counts(&read), [(4, 4), (5, 6), (6, 8)]);
+        let again = read.receiver.mesh().finest_mesh();
+        assert_eq!(again.vertices.positions, mesh.vertices.positions);
+        let colors = &again.vertices.attributes.colors;
+        assert_eq!(colors, &mesh.vertices.attributes.colors);
+    }
+}
