@@ -172,3 +172,53 @@ fn the_canonical_order_is_a_permutation() {
     order.sort_unstable();
     assert_eq!(order, (0..mesh.triangles.len() as u32).collect::<Vec<_>>());
 }
+
+/// F.1: whatever stream a mesh went through, it comes out as it went in.
+#[test]
+fn every_stream_converts_to_every_other() {
+    use pmesh_build::import::Model;
+    use pmesh_build::pipeline::{BuildOptions, Method, Steps, build};
+    use pmesh_codec::pmesh::EncodeOptions;
+    use pmesh_codec::scene::{Encoding, write};
+    use pmesh_codec::text::{self, TextOptions};
+    use pmesh_core::ProgressiveMultilevelMesh;
+    type Writer = fn(&IndexedMesh) -> Vec<u8>;
+    fn levels(mesh: &IndexedMesh, method: Method, steps: Steps) -> (pmesh_codec::pmesh::LevelStream, ProgressiveMultilevelMesh) {
+        let model = Model { mesh: mesh.clone(), ..Default::default() };
+        let stream = build(&model, &BuildOptions { method, steps, ..Default::default() }, |_| ()).expect("it builds");
+        let mut out = ProgressiveMultilevelMesh::new(Default::default());
+        stream.levels.iter().for_each(|l| assert_eq!(out.add_level(l).map(drop), Ok(())));
+        (stream, out)
+    }
+    fn bytes<E: std::fmt::Debug>(f: impl FnOnce(&mut Vec<u8>) -> Result<(), E>) -> Vec<u8> {
+        let mut out = Vec::new();
+        f(&mut out).expect("it writes");
+        out
+    }
+    let writers: [(&str, Writer); 5] = [
+        ("pmesh", |m| {
+            let (stream, _) = levels(m, Method::Quadric, Steps::Growth(1.5));
+            bytes(|out| pmesh_codec::pmesh::encode(&stream, EncodeOptions { position_bits: None }, out))
+        }),
+        ("lod", |m| bytes(|out| text::write(&levels(m, Method::Quadric, Steps::Count(6)).1, TextOptions::default(), out))),
+        ("slod", |m| {
+            let (_, mesh) = levels(m, Method::Closest, Steps::Single);
+            bytes(|out| pmesh_codec::slod::encode(&mesh, out).map(drop))
+        }),
+        ("pits", |m| bytes(|out| encode(&taken_apart(m, 20), None, out).map(drop))),
+        ("x3d", |m| bytes(|out| write(&taken_apart(m, 20), Encoding::X3dXml, out).map(drop))),
+    ];
+    for name in ["knot", "tetrahedra", "part"] {
+        let mut mesh = quantise(&sample(name).expect("it is built in").mesh, Some(14));
+        mesh.vertices.attributes = Default::default();
+        mesh.vertices.positions.iter_mut().flatten().for_each(|x| *x += 0.0);
+        mesh.position_of.clear();
+        for (from, first) in &writers {
+            let middle = received(&first(&mesh), 4096).0;
+            assert_eq!(difference(&middle, &mesh), None, "{name} by {from}");
+            for (to, second) in writers.iter().filter(|w| w.0 != *from) {
+                assert_eq!(difference(&received(&second(&middle), 4096).0, &mesh), None, "{name}: {from} to {to}");
+            }
+        }
+    }
+}

@@ -18,10 +18,10 @@ use pmesh_core::{Attributes, ProgressiveMultilevelMesh};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Encode a mesh (OBJ, PLY, STL, OFF, glTF, GLB) as a progressive stream
+/// Encode a mesh (OBJ, PLY, STL, OFF, glTF, GLB, VRML97, X3D) as a progressive stream, or convert a stream to another
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  pmesh encode statue.obj -o statue.pmesh\n  pmesh encode scan.ply -o scan.pmesh --bits 12 --growth 2\n  pmesh encode part.stl -o part.lod.gz --levels 8\n  pmesh encode bust.glb -o bust.pmesh --bits none   every float bit for bit\n  pmesh encode chair.obj -o chair.slod              a level a vertex (SS97)"
+    after_help = "Examples:\n  pmesh encode statue.obj -o statue.pmesh\n  pmesh encode scan.ply -o scan.pmesh --bits 12 --growth 2\n  pmesh encode part.stl -o part.lod.gz --levels 8\n  pmesh encode bust.glb -o bust.pmesh --bits none   every float bit for bit\n  pmesh encode chair.obj -o chair.slod              a level a vertex (SS97)\n  pmesh convert bust.pmesh -o bust.x3d              any stream to any other"
 )]
 pub struct Args {
     /// The mesh, or a stream whose levels are kept

@@ -32,6 +32,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    #[command(visible_alias = "convert")]
     Encode(encode::Args),
     Info(info::Args),
     Decode(decode::Args),

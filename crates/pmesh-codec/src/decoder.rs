@@ -131,7 +131,16 @@ impl Sniffer {
         let head = &seen[..seen.len().min(SNIFF_LIMIT)];
         match head.iter().find(|b| !b.is_ascii_whitespace()) {
             None if seen.len() < SNIFF_LIMIT => Ok(None),
-            Some(b'<') => Ok(Some(Box::new(scene::SceneDecoder::new()))),
+            Some(b'<') => {
+                let text = String::from_utf8_lossy(head).to_ascii_lowercase();
+                // A web page where a model should be is what servers send for what they lack.
+                let page = ["<!doctype html", "<html"].iter().any(|p| text.trim_start().starts_with(p));
+                match text.contains("<x3d") {
+                    true => Ok(Some(Box::new(scene::SceneDecoder::new()))),
+                    false if page || seen.len() >= SNIFF_LIMIT => Err(DecodeError::UnknownFormat { found: describe(seen) }),
+                    false => Ok(None),
+                }
+            }
             Some(b'#' | b'{') => Ok(Some(Box::new(TextDecoder::new(Default::default())))),
             _ => Err(DecodeError::UnknownFormat { found: describe(seen) }),
         }

@@ -120,7 +120,7 @@ impl PatchDecoder {
                 return Err(DecodeError::syntax(place, format!("block {} is no level of patches", self.block)));
             }
             let outer = i64::from(bytes.remove(0));
-            Job::Level(RangeDecoder::new(bytes), Box::new(LevelCoder::new(&self.surface, &self.rows, block.new_vertices, outer)))
+            Job::Level(RangeDecoder::new(bytes), Box::new(LevelCoder::new(block.new_vertices, outer)))
         });
         Ok(true)
     }

@@ -117,7 +117,7 @@ pub fn encode(stream: &PatchStream, position_bits: Option<u8>, out: &mut impl Wr
         report.connectivity += patches_alone(&surface, &rows, &mut connectivity, &vertex, count).map_err(misfit)?;
         let mut truth = LevelTruth { vertex: &vertex, rows: &source, vertex_order: &mut vertex_order };
         let mut coder = Encoder::new();
-        let mut levels = LevelCoder::new(&surface, &rows, count, outer);
+        let mut levels = LevelCoder::new(count, outer);
         let mut inserted = Vec::new();
         let both = &mut (&mut surface, &mut rows);
         while !levels
@@ -234,7 +234,7 @@ fn patches_alone(
     count: u32,
 ) -> Result<usize, &'static str> {
     let mut coder = Encoder::new();
-    let mut level = LevelCoder::new(surface, rows, count, 0);
+    let mut level = LevelCoder::new(count, 0);
     let (mut surface, mut rows) = (surface.clone(), rows.clone());
     let mut order = Vec::new();
     let mut truth = LevelTruth { vertex, rows: &Rows::default(), vertex_order: &mut order };

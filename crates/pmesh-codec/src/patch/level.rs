@@ -80,8 +80,12 @@ pub(super) struct Inserted {
 }
 
 enum Stage {
+    /// Valences, areas, a region for each triangle.
+    Look,
     Order,
     Patches,
+    /// Patches in the order of their first triangles.
+    Gather,
     Vertices,
 }
 
@@ -101,12 +105,15 @@ pub(super) struct LevelCoder {
     members: Vec<Membership>,
     regions: Vec<Region>,
     at: usize,
-    /// Patches in the order of their first triangles.
-    patches: Vec<Vec<u32>>,
+    /// First and last triangle of each patch, and the next one of each triangle's patch.
+    patches: Vec<(u32, u32)>,
+    next: Vec<u32>,
+    /// Patch of each triangle that is a region's root.
     patch_of_root: Vec<u32>,
     valences: Vec<u8>,
-    /// Class of each triangle's area against the mean.
-    areas: Vec<u8>,
+    /// Size of each triangle's area, and their sum.
+    areas: Vec<i16>,
+    area_sum: i64,
     /// Whether the last two triangles were in patches.
     last: [bool; 2],
     /// Sixteenths of the outer predictor.
@@ -115,20 +122,19 @@ pub(super) struct LevelCoder {
 }
 
 impl LevelCoder {
-    pub(super) fn new(surface: &Surface, rows: &Rows, new_vertices: u32, outer: i64) -> Self {
-        let mut valences = vec![0u8; surface.corner_of.len()];
-        surface.triangles.iter().flatten().for_each(|&v| valences[v as usize] = valences[v as usize].saturating_add(1));
-        let regions = surface.triangles.iter().enumerate().map(|(t, &shared)| Region { parent: t as u32, size: 1, shared });
+    pub(super) fn new(new_vertices: u32, outer: i64) -> Self {
         Self {
-            stage: Stage::Order,
+            stage: Stage::Look,
             order: CanonicalOrder::default(),
-            members: vec![Membership::Unknown; surface.triangles.len()],
-            regions: regions.collect(),
+            members: Vec::new(),
+            regions: Vec::new(),
             at: 0,
             patches: Vec::new(),
-            patch_of_root: vec![NONE; surface.triangles.len()],
-            valences,
-            areas: areas(surface, rows),
+            next: Vec::new(),
+            patch_of_root: Vec::new(),
+            valences: Vec::new(),
+            areas: Vec::new(),
+            area_sum: 0,
             last: [false; 2],
             outer,
             new_vertices,
@@ -146,6 +152,18 @@ impl LevelCoder {
         inserted: &mut Vec<Inserted>,
     ) -> Result<bool, &'static str> {
         match self.stage {
+            Stage::Look => {
+                self.valences.resize(surface.corner_of.len(), 0);
+                let end = self.at.saturating_add(limit).min(surface.triangles.len());
+                for t in self.at..end {
+                    self.look(surface.triangles[t], t as u32, rows);
+                }
+                self.at = end;
+                if end == surface.triangles.len() {
+                    self.stage = Stage::Order;
+                    self.at = 0;
+                }
+            }
             Stage::Order => {
                 if self.order.step(surface, limit) {
                     self.stage = Stage::Patches;
@@ -159,13 +177,31 @@ impl LevelCoder {
                 }
                 self.at = end;
                 if end == self.order.order.len() {
-                    self.begin_vertices()?;
+                    self.stage = Stage::Gather;
+                    self.at = 0;
+                }
+            }
+            Stage::Gather => {
+                let end = self.at.saturating_add(limit).min(self.order.order.len());
+                (self.at..end).for_each(|i| self.gather(self.order.order[i]));
+                self.at = end;
+                if end == self.order.order.len() {
+                    if self.patches.len() as u32 != self.new_vertices {
+                        return Err("another number of patches than the table announces");
+                    }
+                    self.stage = Stage::Vertices;
+                    self.at = 0;
                 }
             }
             Stage::Vertices => {
                 let end = self.at.saturating_add(limit).min(self.patches.len());
                 for i in self.at..end {
-                    let patch = std::mem::take(&mut self.patches[i]);
+                    let (mut t, last) = self.patches[i];
+                    let mut patch = vec![t];
+                    while t != last {
+                        t = self.next[t as usize];
+                        patch.push(t);
+                    }
                     let fan = surface.fan(&patch).ok_or("triangles that make no patch")?;
                     inserted.push(self.vertex(coder, model, surface, rows, truth.as_deref_mut(), &fan));
                 }
@@ -184,33 +220,52 @@ impl LevelCoder {
         mesh: (&mut Surface, &mut Rows),
         truth: &mut LevelTruth,
     ) -> Result<bool, &'static str> {
-        if matches!(self.stage, Stage::Vertices) {
+        if matches!(self.stage, Stage::Gather | Stage::Vertices) {
             return Ok(false);
         }
         self.step(coder, model, mesh, Some(truth), usize::MAX, &mut Vec::new())?;
         Ok(true)
     }
 
-    /// All patches are known: in order.
-    fn begin_vertices(&mut self) -> Result<(), &'static str> {
-        for i in 0..self.order.order.len() {
-            let t = self.order.order[i];
-            if self.members[t as usize] != Membership::Inside {
-                continue;
-            }
-            let root = root(&mut self.regions, t) as usize;
-            if self.patch_of_root[root] == NONE {
+    /// What is known of a triangle before anything is coded.
+    fn look(&mut self, corners: [u32; 3], t: u32, rows: &Rows) {
+        corners.iter().for_each(|&v| self.valences[v as usize] = self.valences[v as usize].saturating_add(1));
+        self.regions.push(Region { parent: t, size: 1, shared: corners });
+        self.members.push(Membership::Unknown);
+        self.next.push(NONE);
+        self.patch_of_root.push(NONE);
+        let p = corners.map(|v| [0, 1, 2].map(|k| rows.value(v, k) as f64));
+        let edge = |i: usize| [0, 1, 2].map(|k| p[i][k] - p[0][k]);
+        let (a, b) = (edge(1), edge(2));
+        let n = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+        let squared = n[0] * n[0] + n[1] * n[1] + n[2] * n[2] + 1.0;
+        // The exponent stands for the logarithm, which is not the same on every machine.
+        let size = (squared.to_bits() >> 52) as i16;
+        self.areas.push(size);
+        self.area_sum += i64::from(size);
+    }
+    /// Class of a triangle's area: half powers of two about the mean.
+    fn area(&self, t: u32) -> usize {
+        let mean = self.area_sum / self.areas.len().max(1) as i64;
+        (i64::from(self.areas[t as usize]) - mean + 4).clamp(0, CLASSES as i64 - 1) as usize
+    }
+
+    fn gather(&mut self, t: u32) {
+        if self.members[t as usize] != Membership::Inside {
+            return;
+        }
+        let root = root(&mut self.regions, t) as usize;
+        match self.patch_of_root[root] {
+            NONE => {
                 self.patch_of_root[root] = self.patches.len() as u32;
-                self.patches.push(Vec::new());
+                self.patches.push((t, t));
             }
-            self.patches[self.patch_of_root[root] as usize].push(t);
+            patch => {
+                let last = &mut self.patches[patch as usize].1;
+                self.next[*last as usize] = t;
+                *last = t;
+            }
         }
-        if self.patches.len() as u32 != self.new_vertices {
-            return Err("another number of patches than the table announces");
-        }
-        self.stage = Stage::Vertices;
-        self.at = 0;
-        Ok(())
     }
 
     /// Codes which patch triangle `t` is in; `vertex` is the encoder's knowledge.
@@ -227,7 +282,7 @@ impl LevelCoder {
         let mut valences = corners.map(valence);
         valences.sort_unstable();
         let [low, middle, high] = valences;
-        let area = usize::from(self.areas[t as usize]);
+        let area = self.area(t);
         let mut own = Region { parent: t, size: 1, shared: corners };
         let mut joined = false;
         for k in 0..3 {
@@ -248,7 +303,7 @@ impl LevelCoder {
             let apex = shared.iter().filter(|&&v| v != NONE).map(|&v| valence(v)).max().unwrap_or(0);
             let (x, y) = (valence(corners[k]), valence(corners[(k + 1) % 3]));
             let (beside, third) = (x.min(y), valence(corners[(k + 2) % 3]));
-            let far = usize::from(self.areas[n as usize]);
+            let far = self.area(n);
             let size = other.size as usize;
             let contexts = [
                 [size, unknown, out],
@@ -316,22 +371,6 @@ fn root(regions: &mut [Region], mut t: u32) -> u32 {
         t = up;
     }
     t
-}
-
-/// Classes of the triangles' areas: half powers of two about the mean. Exponents of floats stand for logarithms, which are not
-/// the same on every machine.
-fn areas(surface: &Surface, rows: &Rows) -> Vec<u8> {
-    let squared = |t: &[u32; 3]| {
-        let p = t.map(|v| [0, 1, 2].map(|k| rows.value(v, k) as f64));
-        let edge = |i: usize| [0, 1, 2].map(|k| p[i][k] - p[0][k]);
-        let (a, b) = (edge(1), edge(2));
-        let n = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-        n[0] * n[0] + n[1] * n[1] + n[2] * n[2] + 1.0
-    };
-    let exponent = |x: f64| (x.to_bits() >> 52) as i64;
-    let all: Vec<i64> = surface.triangles.iter().map(|t| exponent(squared(t))).collect();
-    let mean = all.iter().sum::<i64>() / all.len().max(1) as i64;
-    all.into_iter().map(|e| (e - mean + 4).clamp(0, CLASSES as i64 - 1) as u8).collect()
 }
 
 /// Where a patch's vertex is expected: the mean of the hole's rim (C.4), moved away from the mean of what lies beyond the rim
