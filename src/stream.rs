@@ -12,7 +12,7 @@ use wasm_bindgen_futures::JsFuture;
 /// Bytes decoded between two looks at the clock: a fraction of a millisecond's work.
 const SLICE_BYTES: usize = 2048;
 /// Milliseconds of decoding before the page gets its turn; the limit is 8.
-const SLICE_MS: f64 = 4.0;
+const SLICE_MS: f64 = 3.0;
 
 #[wasm_bindgen]
 impl Model {

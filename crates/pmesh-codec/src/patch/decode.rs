@@ -4,7 +4,7 @@ use super::base::BaseCoder;
 use super::item_limit;
 use super::level::{LevelCoder, LevelModel};
 use super::rows::Rows;
-use super::surface::Surface;
+use super::surface::{Surface, SurfaceBuilder};
 use crate::pmesh::channels::Channels;
 use crate::pmesh::header::{BlockKind, Container, Header, PREAMBLE_BYTES};
 use crate::pmesh::texture_of;
@@ -14,7 +14,7 @@ use pmesh_core::Level;
 use std::collections::VecDeque;
 
 /// Triangles or vertices a step: a fraction of a millisecond.
-const STEP: usize = 1024;
+const STEP: usize = 512;
 /// Bytes that the range decoder may read past the end: it looks ahead by four.
 const OVERRUN: usize = 16;
 
@@ -22,6 +22,8 @@ const OVERRUN: usize = 16;
 enum Job {
     Base(RangeDecoder, Box<BaseCoder>, usize),
     Level(RangeDecoder, Box<LevelCoder>),
+    /// The base is there; what lies across its edges is being found.
+    Surface(Box<SurfaceBuilder>),
 }
 
 /// Push decoder of `.pits`.
@@ -129,14 +131,24 @@ impl PatchDecoder {
     fn step(&mut self) -> Result<(), String> {
         let Some(mut job) = self.job.take() else { return Ok(()) };
         let mut part = Level::default();
+        let mut next_job = None;
         let (done, overrun) = match &mut job {
+            Job::Surface(builder) => {
+                if builder.step(4 * STEP) {
+                    self.surface = std::mem::take(&mut builder.surface);
+                } else {
+                    self.job = Some(job);
+                }
+                return Ok(());
+            }
             Job::Base(coder, base, emitted) => {
                 let done = base.step(coder, &mut self.rows, None, STEP)?;
                 part.triangles.extend_from_slice(&base.triangles[*emitted..]);
                 *emitted = base.triangles.len();
                 part.position_of = std::mem::take(&mut base.seams);
                 if done && self.levels == 0 {
-                    self.surface = Surface::new(std::mem::take(&mut base.triangles), self.rows.count());
+                    let builder = SurfaceBuilder::new(std::mem::take(&mut base.triangles), self.rows.count());
+                    next_job = Some(Job::Surface(Box::new(builder)));
                 }
                 (done, coder.overrun())
             }
@@ -165,6 +177,7 @@ impl PatchDecoder {
             self.events.push_back(Event::LevelEnd);
             self.levels += 1;
             self.block += 1;
+            self.job = next_job;
         } else {
             self.job = Some(job);
         }

@@ -26,6 +26,50 @@ pub struct Surface {
     pub corner_of: Vec<u32>,
 }
 
+/// Finds what lies across each edge, in steps.
+#[derive(Clone, Debug, Default)]
+pub struct SurfaceBuilder {
+    /// The surface, once it is whole.
+    pub surface: Surface,
+    /// Corner of each directed edge, and whether it is the only one.
+    edges: HashMap<(u32, u32), (u32, bool)>,
+    at: u32,
+    pairing: bool,
+}
+
+impl SurfaceBuilder {
+    /// Begins.
+    pub fn new(triangles: Vec<[u32; 3]>, vertex_count: u32) -> Self {
+        let (across, corner_of) = (vec![NONE; triangles.len() * 3], vec![NONE; vertex_count as usize]);
+        Self { surface: Surface { triangles, across, corner_of }, ..Default::default() }
+    }
+    /// Goes on by about `limit` corners; true once the surface is whole.
+    pub fn step(&mut self, limit: usize) -> bool {
+        let surface = &mut self.surface;
+        let corners = surface.across.len() as u32;
+        let end = (u64::from(self.at) + limit as u64).min(u64::from(corners)) as u32;
+        for c in self.at..end {
+            let (a, b) = (surface.vertex(c), surface.vertex(next(c)));
+            if self.pairing {
+                let one = self.edges.get(&(a, b)).is_some_and(|e| e.1);
+                if let Some(&(other, true)) = self.edges.get(&(b, a)).filter(|_| one && a != b) {
+                    surface.across[c as usize] = other;
+                }
+            } else {
+                self.edges.entry((a, b)).and_modify(|e| e.1 = false).or_insert((c, true));
+                let first = &mut surface.corner_of[a as usize];
+                *first = (*first).min(c);
+            }
+        }
+        self.at = end;
+        if end < corners {
+            return false;
+        }
+        self.at = 0;
+        std::mem::replace(&mut self.pairing, true)
+    }
+}
+
 /// What a new vertex is put into: the triangles around its representative, in order (C.6).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Fan {
@@ -40,25 +84,9 @@ pub struct Fan {
 impl Surface {
     /// Finds what lies across each edge. O(triangles).
     pub fn new(triangles: Vec<[u32; 3]>, vertex_count: u32) -> Self {
-        let mut surface = Self { across: vec![NONE; triangles.len() * 3], corner_of: Vec::new(), triangles };
-        let mut edges: HashMap<(u32, u32), (u32, bool)> = HashMap::with_capacity(surface.across.len());
-        for c in 0..surface.across.len() as u32 {
-            let edge = (surface.vertex(c), surface.vertex(next(c)));
-            edges.entry(edge).and_modify(|e| e.1 = false).or_insert((c, true));
-        }
-        for c in 0..surface.across.len() as u32 {
-            let (a, b) = (surface.vertex(c), surface.vertex(next(c)));
-            let one = edges.get(&(a, b)).is_some_and(|e| e.1);
-            if let Some(&(other, true)) = edges.get(&(b, a)).filter(|_| one && a != b) {
-                surface.across[c as usize] = other;
-            }
-        }
-        surface.corner_of = vec![NONE; vertex_count as usize];
-        for c in (0..surface.across.len() as u32).rev() {
-            let v = surface.vertex(c);
-            surface.corner_of[v as usize] = c;
-        }
-        surface
+        let mut builder = SurfaceBuilder::new(triangles, vertex_count);
+        while !builder.step(usize::MAX) {}
+        builder.surface
     }
     /// Vertex at a corner.
     pub fn vertex(&self, c: u32) -> u32 {
