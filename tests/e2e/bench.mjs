@@ -10,7 +10,8 @@ try {
     const module = await import("/pmesh.js");
     await module.default();
     const own = await (await fetch("/models/index.json")).json().catch(() => []);
-    const names = ["globe", "marble", "knot", "part"].map((n) => `/samples/${n}.pmesh`).concat(own.map((n) => `/models/${n}`));
+    const streams = ["pits", "slod", "lod.gz", "x3d"].map((ending) => `/samples/knot.${ending}`);
+    const names = ["globe", "marble", "knot", "part"].map((n) => `/samples/${n}.pmesh`).concat(streams).concat(own.map((n) => `/models/${n}`));
     const rows = [];
     for (const name of names) {
       const bytes = new Uint8Array(await (await fetch(name)).arrayBuffer());
