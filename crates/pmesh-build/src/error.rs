@@ -12,7 +12,7 @@ pub enum BuildError {
     Byte { format: &'static str, offset: usize, message: String },
     #[error("{format}: {message}")]
     File { format: &'static str, message: String },
-    #[error("the format of {name:?} is not known: OBJ, PLY, STL, OFF, glTF and GLB are read, and .pmesh, .lod, .lod.gz")]
+    #[error("the format of {name:?} is not known: OBJ, PLY, STL, OFF, glTF and GLB are read")]
     UnknownFormat { name: String },
     #[error("the mesh is not valid: {0}")]
     Mesh(#[from] pmesh_core::MeshError),

@@ -30,9 +30,7 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
     let bytes = input::read(&args.input)?;
     let end = args.prefix.map_or(bytes.len(), |p| usize::try_from(p).unwrap_or(usize::MAX).min(bytes.len()));
     let stream = input::decode(&bytes[..end], end == bytes.len());
-    for warning in &stream.warnings {
-        eprintln!("warning: {}: {warning}", args.input.display());
-    }
+    stream.warn(&args.input);
     let mesh = stream.receiver.mesh();
     if let Some(source) = stream.error {
         if !args.keep_going || mesh.arrived_levels() == 0 {

@@ -131,8 +131,12 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
     let bytes = input::read(&args.input)?;
     let is_stream = input::is_stream(&args.input, &bytes);
     if is_stream && !matches!(kind, Stream::Patch | Stream::Nodes) && !input::is_plain_scene(&bytes) {
-        args.how.warn_of_kept_levels(&args.input);
-        return write_stream(kept_levels(&args.input, &bytes)?, &args.output, &args.how, quiet);
+        let stream = kept_levels(&args.input, &bytes)?;
+        // A .pmesh has no table for a level a vertex: it gets levels of its own.
+        if kind != Stream::Pmesh || stream.levels.len() < 64 {
+            args.how.warn_of_kept_levels(&args.input);
+            return write_stream(stream, &args.output, &args.how, quiet);
+        }
     }
     let model = if is_stream { finest(&args.input, &bytes)? } else { input::model(&args.input, &bytes)? };
     for warning in &model.warnings {
@@ -144,6 +148,7 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
 /// Patches are levels of their own kind: a stream is decoded to its finest mesh first.
 fn finest(path: &Path, bytes: &[u8]) -> Result<Model> {
     let stream = input::decode_whole(path, bytes)?;
+    stream.warn(path);
     if stream.receiver.mesh().arrived_levels() > 1 {
         eprintln!("warning: {}: this stream has levels of its own kind; they are made anew from the finest", path.display());
     }
@@ -153,7 +158,7 @@ fn finest(path: &Path, bytes: &[u8]) -> Result<Model> {
 fn write_patches(model: Model, input: &Path, output: &Path, how: &How, quiet: bool) -> Result<()> {
     if how.levels.is_some() || how.growth.is_some() || how.simplifier.is_some() {
         eprintln!(
-            "warning: --levels, --growth and --simplifier have no effect on a .pits: its levels are independent sets of vertices"
+            "warning: --levels, --growth and --simplifier have no effect here: levels of patches are independent sets of vertices"
         );
     }
     let text = Stream::of(output, how)? == Stream::Nodes && !how.split_levels;
@@ -250,6 +255,7 @@ fn split_levels(bytes: &[u8], output: &Path, quiet: bool) -> Result<()> {
 
 pub fn kept_levels(path: &Path, bytes: &[u8]) -> Result<LevelStream> {
     let stream = input::decode_whole(path, bytes)?;
+    stream.warn(path);
     let mesh = stream.receiver.mesh();
     let levels = mesh.to_levels().ok_or_else(|| {
         CliError::Other(format!("{}: its vertices move between levels; decode it to a mesh and encode that", path.display()))

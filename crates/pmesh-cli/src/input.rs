@@ -26,6 +26,13 @@ pub struct Stream {
     pub error: Option<DecodeError>,
 }
 
+impl Stream {
+    /// Says what was odd.
+    pub fn warn(&self, path: &Path) {
+        self.warnings.iter().for_each(|w| eprintln!("warning: {}: {w}", path.display()));
+    }
+}
+
 /// True if the bytes are a stream that the decoders know.
 pub fn is_stream(path: &Path, bytes: &[u8]) -> bool {
     let name = path.to_string_lossy().to_ascii_lowercase();
@@ -38,7 +45,7 @@ pub fn is_stream(path: &Path, bytes: &[u8]) -> bool {
 
 /// True if the bytes are a scene with plain face sets: a mesh, though a decoder reads it.
 pub fn is_plain_scene(bytes: &[u8]) -> bool {
-    let head = bytes.trim_ascii_start();
+    let head = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
     let scene = head.starts_with(b"<") || head.starts_with(b"#VRML") || head.starts_with(b"#X3D");
     scene && decode(bytes, true).receiver.mesh().arrived_levels() <= 1
 }

@@ -5,7 +5,7 @@ use crate::{encode, output};
 use pmesh_build::sample::{SAMPLES, sample, sample_levels};
 use std::path::PathBuf;
 
-/// Write a built-in procedural sample, as a stream (.pmesh, .lod, .lod.gz) or a mesh (.ply, .obj)
+/// Write a built-in procedural sample, as any stream (.pmesh, .pits, .slod …) or a mesh (.ply, .obj)
 #[derive(clap::Args)]
 #[command(after_help = samples_help())]
 pub struct Args {

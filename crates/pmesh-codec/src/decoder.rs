@@ -122,13 +122,16 @@ impl Sniffer {
         if !self.inside_gzip && starts(&[0x1f, 0x8b]) {
             return Ok((seen.len() >= 2).then(|| Box::new(GzipDecoder::new()) as Box<_>));
         }
-        if [&b"#VRML"[..], b"#X3D"].iter().any(|sig| seen.starts_with(sig)) {
+        let seen_plain = seen.strip_prefix(&scene::BYTE_ORDER_MARK).unwrap_or(seen);
+        if [&b"#VRML"[..], b"#X3D"].iter().any(|sig| seen_plain.starts_with(sig)) {
             return Ok(Some(Box::new(scene::SceneDecoder::new())));
         }
-        if seen.len() < 5 && [&b"#VRML"[..], b"#X3D"].iter().any(|sig| sig.starts_with(seen)) {
+        if seen_plain.len() < 5 && [&b"#VRML"[..], b"#X3D"].iter().any(|sig| sig.starts_with(seen_plain))
+            || scene::BYTE_ORDER_MARK.starts_with(seen)
+        {
             return Ok(None);
         }
-        let head = &seen[..seen.len().min(SNIFF_LIMIT)];
+        let head = &seen_plain[..seen_plain.len().min(SNIFF_LIMIT)];
         match head.iter().find(|b| !b.is_ascii_whitespace()) {
             None if seen.len() < SNIFF_LIMIT => Ok(None),
             Some(b'<') => {

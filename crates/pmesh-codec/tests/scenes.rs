@@ -135,6 +135,40 @@ fn what_is_wrong_is_an_error_with_its_line_and_what_is_whole_stays() {
         assert!(error.contains(what) && error.contains("line"), "{error}");
     }
     assert!(read("#VRML V2.0 utf8\nShape { geometry Sphere {} }").warnings[0].contains("Sphere"));
+    let face = |points: &str, index: &str| {
+        format!(
+            "#VRML V2.0 utf8\nShape {{ geometry IndexedFaceSet {{ coord Coordinate {{ point [{points}] }} coordIndex [{index}] }} }}"
+        )
+    };
+    for (points, index, what) in [
+        ("0 0 0 1 0 0 0 1", "0 1 2", "no points of three"),
+        ("0 0 0 x 1 0 0 0 1 0", "0 1 2", "\"x\" stands"),
+        ("0 0 0 1 0 0 0 1 0", "0 1 1.5", "no index"),
+        ("0 0 0 1 0 0 0 1 0", "0 1 4294967298", "no index"),
+    ] {
+        let error = read(&face(points, index)).error.expect(what).to_string();
+        assert!(error.contains(what), "{error}");
+    }
+    // Hexadecimal, a byte order mark, lines that end as on old machines, a script that names its own node.
+    let odd = format!("\u{feff}{}", face("0 0 0 1 0 0 0 1 0", "0x0 0x1 0x2 -1"))
+        .replace("Shape", "DEF K Script { field SFNode x USE K }\nShape");
+    let odd = read(&odd.replace('\n', "\r"));
+    assert_eq!((odd.error, odd.receiver.mesh().triangles().len()), (None, 1));
+    let proto = face("0 0 0 1 0 0 0 1 0", "0 1 2").replacen("Shape", "PROTO P [] { Group {} }\nP {}\nShape", 1);
+    assert!(read(&proto).warnings[0].contains("P is a PROTO"));
+    let entity = |e: &str| {
+        format!(
+            "<X3D><Scene><Shape><IndexedFaceSet coordIndex='0 1 {e}'><Coordinate point='0 0 0 1 0 0 0 1 0'/></IndexedFaceSet></Shape></Scene></X3D>"
+        )
+    };
+    assert_eq!(read(&entity("&#50; -1")).error, None);
+    assert!(read(&entity("&a;")).error.expect("unknown").to_string().contains("entity"));
+    let many = format!(
+        "Group {{ children [ DEF A Shape {{ geometry IndexedFaceSet {{ coordIndex [{}] }} }} {} ] }}",
+        "0 ".repeat(10_000),
+        "USE A ".repeat(10_000)
+    );
+    assert!(read(&format!("#VRML V2.0 utf8\n{many}")).error.expect("too many").to_string().contains("copies"));
     let deep = format!("#VRML V2.0 utf8\n{}", "Group { children [ ".repeat(100_000));
     assert!(read(&deep).error.expect("too deep").to_string().contains("deeper"));
     let copies = (0..60).fold("#VRML V2.0 utf8\nDEF a0 Group {}\n".to_string(), |s, i| {

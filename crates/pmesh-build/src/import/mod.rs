@@ -30,6 +30,8 @@ pub type Resolve<'a> = dyn FnMut(&str) -> Option<Vec<u8>> + 'a;
 /// Errors name the line or byte. No allocation is out of proportion to `bytes`.
 pub fn import(name: &str, bytes: &[u8], resolve: &mut Resolve) -> Result<Model, BuildError> {
     let extension = name.rsplit('.').next().unwrap_or("").to_ascii_lowercase();
+    // Some editors write a byte order mark before text.
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let model = match extension.as_str() {
         "obj" => obj::read(bytes),
         "ply" => ply::read(bytes),

@@ -8,6 +8,9 @@ use crate::{DecodeError, Decoder, Event, Place, StreamInfo};
 use pmesh_core::Level;
 use std::collections::VecDeque;
 
+/// What some editors write before UTF-8.
+pub(crate) const BYTE_ORDER_MARK: [u8; 3] = [0xef, 0xbb, 0xbf];
+
 /// Decodes `.wrl`, `.x3dv` and `.x3d`. Memory: some ten times the text.
 #[derive(Default)]
 pub struct SceneDecoder {
@@ -43,10 +46,10 @@ impl Decoder for SceneDecoder {
     }
     fn finish(&mut self) -> Result<(), DecodeError> {
         let bytes = std::mem::take(&mut self.text);
-        let text = String::from_utf8_lossy(&bytes);
+        let text = String::from_utf8_lossy(bytes.strip_prefix(&BYTE_ORDER_MARK).unwrap_or(&bytes));
         let parsed = if text.trim_start().starts_with('<') { parse_xml(&text) } else { parse(&text) };
         let mut warnings = parsed.warnings;
-        let shapes = shapes(&parsed.nodes, &mut warnings);
+        let shapes = shapes(&parsed.nodes, &parsed.protos, &mut warnings);
         let mut error = parsed.error;
         let progressive = shapes.iter().find(|s| s.0.name == "ProgIndexedTriSet");
         if let Some((node, _)) = progressive {
@@ -70,7 +73,7 @@ impl Decoder for SceneDecoder {
                 None => error = error.or(Some((node.line, "MultiLevelProgIfs has no urlData".into()))),
             }
         } else {
-            match merged(&shapes) {
+            match merged(&shapes, &mut warnings) {
                 Ok(mesh) if !mesh.vertices.is_empty() => {
                     let (vertices, triangles, position_of) = (mesh.vertices, mesh.triangles, mesh.position_of);
                     self.levels(vec![Level { vertices, triangles, position_of, ..Default::default() }], "scene");

@@ -67,7 +67,7 @@ fn transform(node: &Node) -> Matrix {
 }
 
 /// Geometry nodes with where they stand, in order, and what cannot be carried.
-pub(super) fn shapes<'a>(nodes: &'a [Node], warnings: &mut Vec<String>) -> Vec<(&'a Node, Matrix)> {
+pub(super) fn shapes<'a>(nodes: &'a [Node], protos: &[String], warnings: &mut Vec<String>) -> Vec<(&'a Node, Matrix)> {
     let mut out = Vec::new();
     let mut waiting: Vec<(&Node, Matrix)> = nodes.iter().rev().map(|n| (n, IDENTITY)).collect();
     while let Some((node, at)) = waiting.pop() {
@@ -108,6 +108,10 @@ pub(super) fn shapes<'a>(nodes: &'a [Node], warnings: &mut Vec<String>) -> Vec<(
                 warnings.push(format!("line {}: the geometry {} is not carried", node.line, node.name));
                 Vec::new()
             }
+            name if protos.iter().any(|p| p == name) => {
+                warnings.push(format!("line {}: {name} is a PROTO, and what it is made of is not shown", node.line));
+                Vec::new()
+            }
             // Lights, views, sensors, appearances: not geometry.
             _ => Vec::new(),
         };
@@ -121,19 +125,28 @@ pub(super) fn tuples<const N: usize>(numbers: &[f64]) -> Vec<[f32; N]> {
     numbers.chunks_exact(N).map(|c| std::array::from_fn(|k| c[k] as f32)).collect()
 }
 
-/// The points of a geometry's coordinates, two numbers each if only that reaches `highest` (as FC01's Figure 5, which omits z).
-pub(super) fn points(node: &Node, highest: Option<u32>) -> Vec<[f32; 3]> {
-    let numbers = node.nodes("coord").next().map(|c| c.numbers("point")).unwrap_or_default();
-    let needed = highest.map_or(0, |h| h as usize + 1);
+/// The points of a geometry's coordinates; where `flat` is given, two numbers each if only that reaches that index (as in FC01's
+/// Figure 5, which omits z).
+pub(super) fn points(node: &Node, flat: Option<u32>) -> Result<Vec<[f32; 3]>, String> {
+    let numbers = node.nodes("coord").next().map(|c| c.only_numbers("point")).transpose()?.unwrap_or_default();
+    let needed = flat.map_or(0, |h| h as usize + 1);
     if numbers.len() / 3 < needed && numbers.len() / 2 >= needed && numbers.len().is_multiple_of(2) {
-        return tuples::<2>(&numbers).into_iter().map(|[x, y]| [x, y, 0.0]).collect();
+        return Ok(tuples::<2>(&numbers).into_iter().map(|[x, y]| [x, y, 0.0]).collect());
     }
-    tuples(&numbers)
+    if !numbers.len().is_multiple_of(3) {
+        return Err(format!("{} numbers are no points of three", numbers.len()));
+    }
+    Ok(tuples(&numbers))
 }
 
 /// Indices of a field, -1 kept as `None`.
-pub(super) fn indices(node: &Node, field: &str) -> Vec<Option<u32>> {
-    node.numbers(field).into_iter().map(|n| (n >= 0.0 && n < f64::from(u32::MAX)).then_some(n as u32)).collect()
+pub(super) fn indices(node: &Node, field: &str) -> Result<Vec<Option<u32>>, String> {
+    let index = |n: f64| match n {
+        n if n < 0.0 => Ok(None),
+        n if n.fract() == 0.0 && n < f64::from(u32::MAX) => Ok(Some(n as u32)),
+        n => Err(format!("{n} in {field} is no index")),
+    };
+    node.only_numbers(field)?.into_iter().map(index).collect()
 }
 
 /// Runs of indices between -1s; a last one that is not closed counts.
@@ -164,8 +177,8 @@ struct Channel<T> {
 }
 
 impl<T: Copy> Channel<T> {
-    fn new(node: &Node, values: Vec<T>, index: &str, flag: &str) -> Self {
-        Self { values, index: indices(node, index), per_vertex: flag.is_empty() || node.flag(flag, true) }
+    fn new(node: &Node, values: Vec<T>, index: &str, flag: &str) -> Result<Self, String> {
+        Ok(Self { values, index: indices(node, index)?, per_vertex: flag.is_empty() || node.flag(flag, true) })
     }
     /// Number of the value at a corner: its place in coordIndex, its face, its vertex.
     fn at(&self, place: usize, face: usize, vertex: u32) -> Option<u32> {
@@ -180,16 +193,16 @@ impl<T: Copy> Channel<T> {
 }
 
 /// One shape's arrays; an attribute is there for all vertices or none.
-fn face_set(node: &Node, at: &Matrix) -> Result<IndexedMesh, String> {
+fn face_set(node: &Node, at: &Matrix, warnings: &mut Vec<String>) -> Result<IndexedMesh, String> {
     let field = if node.name == "IndexedTriangleSet" { "index" } else { "coordIndex" };
-    let mut flat = indices(node, field);
+    let mut flat = indices(node, field)?;
     if field == "index" {
         flat = flat.chunks(3).flat_map(|t| t.iter().copied().chain([None])).collect();
     }
-    let positions = points(node, flat.iter().flatten().max().copied());
-    let (color, normal) = (Channel::new(node, colors(node), "colorIndex", "colorPerVertex"), normals(node));
-    let normal = Channel::new(node, normal, "normalIndex", "normalPerVertex");
-    let texcoord = Channel::new(node, texcoords(node), "texCoordIndex", "");
+    let positions = points(node, None)?;
+    let color = Channel::new(node, colors(node), "colorIndex", "colorPerVertex")?;
+    let normal = Channel::new(node, normals(node), "normalIndex", "normalPerVertex")?;
+    let texcoord = Channel::new(node, texcoords(node), "texCoordIndex", "")?;
     let mut mesh = IndexedMesh::default();
     let mut known: HashMap<[Option<u32>; 4], u32> = HashMap::new();
     let mut first_at: Vec<Option<u32>> = vec![None; positions.len()];
@@ -227,14 +240,19 @@ fn face_set(node: &Node, at: &Matrix) -> Result<IndexedMesh, String> {
     // Points that no face uses are vertices too, where no attribute is missing for them.
     let n = mesh.vertices.len();
     let a = &mut mesh.vertices.attributes;
-    if a.colors.len() != n {
+    let mut left_out =
+        |what: &str| warnings.push(format!("line {}: {what} do not reach all corners and are left out", node.line));
+    if !color.values.is_empty() && a.colors.len() != n {
         a.colors.clear();
+        left_out("colours");
     }
-    if a.normals.len() != n {
+    if !normal.values.is_empty() && a.normals.len() != n {
         a.normals.clear();
+        left_out("normals");
     }
-    if a.texcoords.len() != n {
+    if !texcoord.values.is_empty() && a.texcoords.len() != n {
         a.texcoords.clear();
+        left_out("texture coordinates");
     }
     if mesh.vertices.set() == Default::default() {
         let unused = first_at.iter().zip(&positions).filter(|f| f.0.is_none());
@@ -248,8 +266,8 @@ fn face_set(node: &Node, at: &Matrix) -> Result<IndexedMesh, String> {
 }
 
 /// All plain shapes in one mesh; an attribute that some lack is made up for: white, computed, zero.
-pub(super) fn merged(shapes: &[(&Node, Matrix)]) -> Result<IndexedMesh, (u64, String)> {
-    let parts = shapes.iter().map(|(n, m)| face_set(n, m).map_err(|e| (n.line, e))).collect::<Result<Vec<_>, _>>()?;
+pub(super) fn merged(shapes: &[(&Node, Matrix)], warnings: &mut Vec<String>) -> Result<IndexedMesh, (u64, String)> {
+    let parts = shapes.iter().map(|(n, m)| face_set(n, m, warnings).map_err(|e| (n.line, e))).collect::<Result<Vec<_>, _>>()?;
     let has = |f: fn(&Vertices) -> bool| parts.iter().any(|p| f(&p.vertices));
     let wanted = (has(|v| v.set().colors), has(|v| v.set().normals), has(|v| v.set().texcoords));
     let mut out = IndexedMesh::default();

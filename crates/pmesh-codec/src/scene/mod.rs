@@ -13,5 +13,6 @@ pub mod tree;
 mod write;
 mod x3d;
 
+pub(crate) use decode::BYTE_ORDER_MARK;
 pub use decode::SceneDecoder;
 pub use write::{Encoding, write, write_urls};

@@ -83,14 +83,15 @@ pub(super) fn read(node: &Node, truncated: bool) -> Levels {
 
 fn levels(node: &Node, truncated: bool, turn: bool, out: &mut Levels) -> Result<(), String> {
     let mut triangles = Vec::new();
-    for run in runs(&indices(node, "coordIndex")) {
+    let index = indices(node, "coordIndex")?;
+    for run in runs(&index) {
         let [a, b, c] = run[..] else {
             return Err(format!("a face of ProgIndexedTriSet has {} corners, not 3", run.len()));
         };
         triangles.push(if node.flag("ccw", true) { [a, b, c] } else { [a, c, b] });
     }
     let highest = triangles.iter().flatten().max().copied();
-    let positions = points(node, highest);
+    let positions = points(node, Some(highest.unwrap_or(0)))?;
     if let Some(h) = highest.filter(|&h| h as usize >= positions.len()) {
         return Err(format!("index {h} of {} points", positions.len()));
     }
@@ -98,10 +99,8 @@ fn levels(node: &Node, truncated: bool, turn: bool, out: &mut Levels) -> Result<
         positions,
         attributes: Attributes { normals: normals(node), colors: colors(node), texcoords: texcoords(node) },
     };
-    let separate = ["colorIndex", "normalIndex", "texCoordIndex"].iter().any(|f| {
-        let own = indices(node, f);
-        !own.is_empty() && own != indices(node, "coordIndex")
-    });
+    let own = ["colorIndex", "normalIndex", "texCoordIndex"].map(|f| indices(node, f));
+    let separate = own.iter().any(|own| own.as_ref().is_ok_and(|own| !own.is_empty() && *own != index));
     if separate || !node.flag("colorPerVertex", true) || !node.flag("normalPerVertex", true) {
         out.warnings.push("attributes with indices of their own, or one a face, are left out of ProgIndexedTriSet".into());
         all.attributes = Attributes::default();
@@ -134,8 +133,8 @@ fn levels(node: &Node, truncated: bool, turn: bool, out: &mut Levels) -> Result<
 
 fn prog_lod(lod: &Node, order: &[u32], surface: &mut Surface, all: &mut Vertices) -> Result<Level, String> {
     let set = all.set();
-    let patches = runs(&indices(lod, "triIndex"));
-    let numbers = lod.nodes("coord").next().map(|c| c.numbers("point")).unwrap_or_default();
+    let patches = runs(&indices(lod, "triIndex")?);
+    let numbers = lod.nodes("coord").next().map(|c| c.only_numbers("point")).transpose()?.unwrap_or_default();
     let flat = numbers.len() == 2 * patches.len();
     let points: Vec<[f64; 3]> = if flat {
         numbers.chunks_exact(2).map(|c| [c[0], c[1], 0.0]).collect()

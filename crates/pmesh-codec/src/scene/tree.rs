@@ -33,6 +33,19 @@ impl Node {
     pub fn numbers(&self, field: &str) -> Vec<f64> {
         self.values(field).iter().filter_map(|v| if let Value::Number(n) = v { Some(*n) } else { None }).collect()
     }
+    /// The numbers of a field in which nothing else may stand.
+    pub fn only_numbers(&self, field: &str) -> Result<Vec<f64>, String> {
+        let other = self.values(field).iter().find(|v| !matches!(v, Value::Number(_)));
+        match other {
+            Some(Value::Word(w) | Value::Text(w)) => Err(format!("{w:?} stands among the numbers of {field}")),
+            Some(_) => Err(format!("a node stands among the numbers of {field}")),
+            None => Ok(self.numbers(field)),
+        }
+    }
+    /// Nodes and values here and below.
+    pub(super) fn weight(&self) -> usize {
+        self.all().iter().map(|n| 1 + n.fields.iter().map(|f| f.1.len()).sum::<usize>()).sum()
+    }
     /// The nodes of a field.
     pub fn nodes(&self, field: &str) -> impl Iterator<Item = &Node> {
         self.values(field).iter().filter_map(|v| if let Value::Node(n) = v { Some(n) } else { None })
@@ -63,14 +76,16 @@ impl Node {
 
 /// Deepest nesting of nodes.
 const DEPTH_LIMIT: usize = 64;
-/// Most nodes that USE may copy.
-pub(super) const COPY_LIMIT: usize = 100_000;
+/// Most nodes and values that USE may copy.
+pub(super) const COPY_LIMIT: usize = 2_000_000;
 
 /// What parsing gave: the nodes that are whole, oddities, and what ended it early.
 #[derive(Clone, Debug, Default)]
 pub struct Parsed {
     /// The scene's nodes.
     pub nodes: Vec<Node>,
+    /// Names that PROTO and EXTERNPROTO declare.
+    pub protos: Vec<String>,
     /// What is odd but was read.
     pub warnings: Vec<String>,
     /// (line, what is wrong); the nodes before it, and the whole parts of the one it is in, are there.
@@ -88,6 +103,20 @@ enum Token {
     Text(String),
 }
 
+impl std::fmt::Display for Token {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Token::Open => f.write_str("{"),
+            Token::Close => f.write_str("}"),
+            Token::ListOpen => f.write_str("["),
+            Token::ListClose => f.write_str("]"),
+            Token::Number(n) => write!(f, "{n}"),
+            Token::Word(w) => f.write_str(w),
+            Token::Text(t) => write!(f, "{t:?}"),
+        }
+    }
+}
+
 struct Tokens<'a> {
     rest: &'a str,
     line: u64,
@@ -102,7 +131,7 @@ impl Tokens<'_> {
             if !self.rest.starts_with('#') {
                 return;
             }
-            let end = self.rest.find('\n').unwrap_or(self.rest.len());
+            let end = self.rest.find(['\n', '\r']).unwrap_or(self.rest.len());
             self.rest = &self.rest[end..];
         }
     }
@@ -142,6 +171,10 @@ impl Tokens<'_> {
         let end = self.rest.find(|c: char| c.is_whitespace() || "{}[],\"#".contains(c)).unwrap_or(self.rest.len());
         let (word, rest) = self.rest.split_at(end);
         self.rest = rest;
+        let hex = word.strip_prefix("0x").or(word.strip_prefix("0X")).and_then(|h| u32::from_str_radix(h, 16).ok());
+        if let Some(number) = hex {
+            return Some(Token::Number(number.into()));
+        }
         let number = word.parse::<f64>().ok().filter(|_| word.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c)));
         Some(number.map_or_else(|| Token::Word(word.into()), Token::Number))
     }
@@ -157,6 +190,7 @@ struct Parser<'a> {
     tokens: Tokens<'a>,
     names: std::collections::HashMap<String, Node>,
     copies: usize,
+    protos: Vec<String>,
     warnings: Vec<String>,
 }
 
@@ -164,12 +198,17 @@ type Failure = (u64, String);
 
 /// Parses VRML97 or X3D's classic encoding. PROTO and EXTERNPROTO declarations are passed over. O(length), and what USE copies.
 pub fn parse(text: &str) -> Parsed {
-    let mut parser =
-        Parser { tokens: Tokens { rest: text, line: 1 }, names: Default::default(), copies: 0, warnings: Vec::new() };
+    let mut parser = Parser {
+        tokens: Tokens { rest: text, line: 1 },
+        names: Default::default(),
+        copies: 0,
+        protos: Vec::new(),
+        warnings: Vec::new(),
+    };
     let mut out = Parsed::default();
     while let Some(token) = parser.tokens.next() {
         let Token::Word(word) = token else {
-            out.error = Some((parser.tokens.line, format!("a node was expected, not {token:?}")));
+            out.error = Some((parser.tokens.line, format!("a node was expected, not {token}")));
             break;
         };
         match parser.statement(&word, &mut out.nodes) {
@@ -181,6 +220,7 @@ pub fn parse(text: &str) -> Parsed {
         }
     }
     out.warnings = parser.warnings;
+    out.protos = parser.protos;
     out
 }
 
@@ -193,7 +233,9 @@ impl Parser<'_> {
         match word {
             "PROTO" | "EXTERNPROTO" => {
                 // Name, interface, then a body or URLs.
-                self.tokens.next();
+                if let Some(Token::Word(name)) = self.tokens.next() {
+                    self.protos.push(name);
+                }
                 self.balanced()?;
                 if matches!(self.tokens.peek(), Some(Token::Open | Token::ListOpen)) { self.balanced() } else { self.skip_one() }
             }
@@ -246,10 +288,15 @@ impl Parser<'_> {
         match word {
             "USE" => {
                 let Some(Token::Word(name)) = self.tokens.next() else { return self.fail("USE needs a name") };
-                let Some(known) = self.names.get(&name) else { return self.fail(format!("USE of {name:?}, which no DEF names")) };
-                self.copies += known.all().len();
+                let Some(known) = self.names.get(&name) else {
+                    // A script may USE the node that it stands in.
+                    self.warnings
+                        .push(format!("line {}: USE of {name:?}, which no DEF before it names, is left out", self.tokens.line));
+                    return Ok(());
+                };
+                self.copies += known.weight();
                 if self.copies > COPY_LIMIT {
-                    return self.fail(format!("USE copies more than {COPY_LIMIT} nodes"));
+                    return self.fail(format!("USE copies more than {COPY_LIMIT} nodes and numbers"));
                 }
                 *node = known.clone();
                 Ok(())
@@ -266,7 +313,7 @@ impl Parser<'_> {
                 node.name = kind.into();
                 match self.tokens.next() {
                     Some(Token::Open) => self.fields(depth, node),
-                    Some(other) => self.fail(format!("{kind:?} is followed by {other:?}, not by a node's {{")),
+                    Some(other) => self.fail(format!("{kind:?} is followed by {other}, not by a node's {{")),
                     None => self.fail(format!("the file ends after {kind:?}")),
                 }
             }
@@ -279,7 +326,7 @@ impl Parser<'_> {
                 Some(Token::Close) => return Ok(()),
                 Some(Token::Word(field)) if field == "ROUTE" => (0..3).try_for_each(|_| self.skip_one())?,
                 Some(Token::Word(field)) => self.field(field, depth, node)?,
-                Some(other) => return self.fail(format!("a field of {} was expected, not {other:?}", node.name)),
+                Some(other) => return self.fail(format!("a field of {} was expected, not {other}", node.name)),
                 None => return self.fail(format!("the file ends inside {}", node.name)),
             }
         }
@@ -340,7 +387,7 @@ impl Parser<'_> {
                         self.word(word, depth, values)?;
                     }
                 }
-                Some(other) => return self.fail(format!("a list cannot hold {other:?}")),
+                Some(other) => return self.fail(format!("a list cannot hold {other}")),
                 None => return self.fail("the file ends inside a list"),
             }
         }

@@ -87,12 +87,18 @@ pub fn write(stream: &PatchStream, encoding: Encoding, out: &mut impl Write) -> 
 
 /// Writes a scene whose levels are in files of their own, the base's first (C.9).
 pub fn write_urls(urls: &[String], encoding: Encoding, out: &mut impl Write) -> Result<(), EncodeError> {
-    let quoted: Vec<String> = urls.iter().map(|u| format!("\"{u}\"")).collect();
+    let quoted: Vec<String> = urls.iter().map(|u| format!("\"{}\"", percent_encoded(u))).collect();
     let mut text = Text { encoding, out };
     text.opening(&match encoding {
         Encoding::X3dXml => format!(" levelsUrl='{}'/></Shape></Scene></X3D>", quoted.join(" ")),
         _ => format!("levelsUrl [ {} ] }} }}", quoted.join(" ")),
     })
+}
+
+/// A file's name as a URL: nothing in it that XML, VRML or a URL would take for something else.
+fn percent_encoded(name: &str) -> String {
+    let plain = |b: u8| b.is_ascii_alphanumeric() || b"-._~/".contains(&b);
+    name.bytes().map(|b| if plain(b) { char::from(b).to_string() } else { format!("%{b:02X}") }).collect()
 }
 
 fn wide<const N: usize>(values: &[[f32; N]]) -> impl Iterator<Item = f64> {

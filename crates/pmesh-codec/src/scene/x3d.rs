@@ -119,16 +119,32 @@ impl<'a> Reader<'a> {
                 _ => return Err(format!("the value of {name} is not quoted")),
             };
             self.at += 1;
-            attributes.push((name, plain(self.past(quote.encode_utf8(&mut [0; 4]), "an attribute")?)));
+            attributes.push((name, plain(self.past(quote.encode_utf8(&mut [0; 4]), "an attribute")?)?));
         }
     }
 }
 
-/// Text with its entities replaced; those it does not know stay.
-fn plain(text: &str) -> String {
-    let named =
-        [("&lt;", "<"), ("&gt;", ">"), ("&quot;", "\""), ("&apos;", "'"), ("&#10;", "\n"), ("&#13;", "\r"), ("&amp;", "&")];
-    named.iter().fold(text.to_string(), |s, (from, to)| if s.contains('&') { s.replace(from, to) } else { s })
+/// Text with its entities replaced: the five of XML, and characters by number.
+fn plain(text: &str) -> Result<String, String> {
+    let mut out = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some(at) = rest.find('&') {
+        out.push_str(&rest[..at]);
+        let (name, after) = rest[at + 1..].split_once(';').ok_or("an & that begins no entity: write &amp;")?;
+        let number = name.strip_prefix("#x").map(|h| u32::from_str_radix(h, 16)).or(name.strip_prefix('#').map(str::parse));
+        out.push(match (name, number) {
+            ("lt", _) => '<',
+            ("gt", _) => '>',
+            ("quot", _) => '"',
+            ("apos", _) => '\'',
+            ("amp", _) => '&',
+            (_, Some(Ok(code))) => char::from_u32(code).ok_or_else(|| format!("&{name}; is no character"))?,
+            _ => return Err(format!("the entity &{name}; is not known")),
+        });
+        rest = after;
+    }
+    out.push_str(rest);
+    Ok(out)
 }
 
 /// An element that is not closed yet.
@@ -154,7 +170,7 @@ pub fn parse_xml(text: &str) -> Parsed {
     let mut out = Parsed::default();
     let mut reader = Reader { text, at: 0 };
     let mut open: Vec<Open> = Vec::new();
-    let result = read(&mut reader, &mut open, &mut out.nodes);
+    let result = read(&mut reader, &mut open, &mut out);
     // From the inside out.
     while let Some(last) = open.pop() {
         close(last, &mut open, &mut out.nodes);
@@ -171,7 +187,7 @@ fn close(element: Open, open: &mut [Open], nodes: &mut Vec<Node>) {
     }
 }
 
-fn read<'a>(reader: &mut Reader<'a>, open: &mut Vec<Open<'a>>, nodes: &mut Vec<Node>) -> Result<(), String> {
+fn read<'a>(reader: &mut Reader<'a>, open: &mut Vec<Open<'a>>, out: &mut Parsed) -> Result<(), String> {
     let mut names: HashMap<String, Node> = HashMap::new();
     let mut copies = 0;
     while let Some(markup) = reader.next()? {
@@ -191,17 +207,25 @@ fn read<'a>(reader: &mut Reader<'a>, open: &mut Vec<Open<'a>>, nodes: &mut Vec<N
                         "DEF" => element.def = Some(value),
                         "containerField" => element.field = Some(value),
                         "USE" => {
-                            let known = names.get(&value).ok_or_else(|| format!("USE of {value:?}, which no DEF names"))?;
-                            copies += known.all().len();
+                            let Some(known) = names.get(&value) else {
+                                let line = reader.line();
+                                out.warnings
+                                    .push(format!("line {line}: USE of {value:?}, which no DEF before it names, is left out"));
+                                continue;
+                            };
+                            copies += known.weight();
                             if copies > COPY_LIMIT {
-                                return Err(format!("USE copies more than {COPY_LIMIT} nodes"));
+                                return Err(format!("USE copies more than {COPY_LIMIT} nodes and numbers"));
                             }
                             element.node = known.clone();
                         }
                         _ => element.node.fields.push((name.into(), values(value))),
                     }
                 }
-                element.node.line = 0;
+                element.node.line = if tag.contains("Set") || tag.starts_with("Prog") { reader.line() } else { 0 };
+                if tag == "ProtoInstance" {
+                    out.warnings.push(format!("line {}: ProtoInstance is not expanded", reader.line()));
+                }
                 open.push(element);
                 if ends { open.pop() } else { None }
             }
@@ -210,7 +234,7 @@ fn read<'a>(reader: &mut Reader<'a>, open: &mut Vec<Open<'a>>, nodes: &mut Vec<N
             if let Some(name) = &ended.def {
                 names.insert(name.clone(), ended.node.clone());
             }
-            close(ended, open, nodes);
+            close(ended, open, &mut out.nodes);
         }
     }
     match open.last() {
