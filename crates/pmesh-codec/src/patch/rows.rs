@@ -19,6 +19,7 @@ impl Rows {
     pub(super) fn row(&self, v: u32) -> &[i32] {
         &self.values[v as usize * self.width..][..self.width]
     }
+    #[inline(always)]
     pub(super) fn value(&self, v: u32, k: usize) -> i64 {
         i64::from(self.values[v as usize * self.width + k])
     }

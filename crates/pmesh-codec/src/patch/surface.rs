@@ -89,14 +89,17 @@ impl Surface {
         builder.surface
     }
     /// Vertex at a corner.
+    #[inline(always)]
     pub fn vertex(&self, c: u32) -> u32 {
         self.triangles[c as usize / 3][c as usize % 3]
     }
     /// Counter-clockwise from corner `c` about its vertex.
+    #[inline(always)]
     pub fn turn(&self, c: u32) -> u32 {
         self.across[previous(c) as usize]
     }
     /// Clockwise from corner `c` about its vertex.
+    #[inline(always)]
     pub fn turn_back(&self, c: u32) -> u32 {
         match self.across[c as usize] {
             NONE => NONE,
