@@ -2,7 +2,7 @@
 
 use crate::BuildError;
 use pmesh_core::forest::NO_REPRESENTATIVE;
-use pmesh_core::{IndexedMesh, ProgressiveMultilevelMesh, split_levels};
+use pmesh_core::{IndexedMesh, ProgressiveMultilevelMesh, split_levels, turned};
 
 /// A parent and a level for each vertex of a mesh; 0 is the finest. A parent's level is higher than its child's.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -133,11 +133,6 @@ fn find_duplicates(triangles: &[[u32; 3]]) -> Vec<bool> {
         duplicate[pair[1].1 as usize] = true;
     }
     duplicate
-}
-
-/// The triangle turned to the lexicographically lowest of its three turns; orientation is kept.
-pub fn turned([a, b, c]: [u32; 3]) -> [u32; 3] {
-    [a, b, c].min([b, c, a]).min([c, a, b])
 }
 
 /// The coarsest level at which the three corners, each at its representative, are distinct, and those representatives;

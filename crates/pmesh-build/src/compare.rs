@@ -1,8 +1,7 @@
 //! Whether two meshes are the same: vertices with all bits of their attributes, triangles with their orientation, in any
 //! order. What "lossless" is tested with.
 
-use crate::arrange::turned;
-use pmesh_core::IndexedMesh;
+use pmesh_core::{IndexedMesh, turned};
 
 /// Vertices as bits, attributes included, sorted; and triangles over their ranks, lowest corner first, sorted.
 type Canonical = (Vec<Vec<u32>>, Vec<[u32; 3]>);

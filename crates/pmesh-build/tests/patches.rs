@@ -7,7 +7,7 @@ use pmesh_codec::patch::surface::{CanonicalOrder, NONE, Surface};
 use pmesh_codec::patch::{PatchStream, encode};
 use pmesh_codec::pmesh::quantise;
 use pmesh_codec::{Arrival, Receiver};
-use pmesh_core::{IndexedMesh, Vertices};
+use pmesh_core::{IndexedMesh, Vertices, turned};
 use proptest::prelude::*;
 use std::collections::{HashMap, HashSet};
 
@@ -24,7 +24,6 @@ fn received(bytes: &[u8], piece: usize) -> (IndexedMesh, u32) {
 
 /// The triangles of each level, coarsest first, in the numbering of the finest mesh.
 fn levels(stream: &PatchStream) -> Vec<Vec<[u32; 3]>> {
-    let turned = |[a, b, c]: [u32; 3]| [a, b, c].min([b, c, a]).min([c, a, b]);
     let mut now: Vec<[u32; 3]> = stream.base_triangles.iter().map(|&t| turned(t)).collect();
     let mut out = vec![now.clone()];
     for level in &stream.levels {
@@ -56,7 +55,6 @@ fn g16_patches_are_independent_coloured_apart_and_found_again() {
             assert!(level.removed.iter().all(|r| !gone.contains(&r.apex) && r.chain.iter().all(|v| !gone.contains(v))));
             // Coloured apart: triangles across an edge have one colour only if they are of one patch.
             let surface = Surface::new(coarse.clone(), mesh.vertices.len() as u32);
-            let turned = |[a, b, c]: [u32; 3]| [a, b, c].min([b, c, a]).min([c, a, b]);
             let mut patch: HashMap<[u32; 3], (u8, u32)> = HashMap::new();
             for r in &level.removed {
                 assert!((1..=3).contains(&r.color));

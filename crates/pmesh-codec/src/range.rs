@@ -1,7 +1,8 @@
 //! An adaptive binary range coder, and numbers made of binary choices.
 //!
-//! A 32-bit range with carries, probabilities of 16 bits that learn at once from the first choices and slowly later. [`Coder`] is one interface for both directions, so that a model is written once:
-//! an encoder is told the choice, a decoder says it. What each choice runs through is inlined: the browser module is compiled
+//! A 32-bit range with carries, probabilities of 16 bits that learn at once from the first choices and slowly later. [`Coder`]
+//! is one interface for both directions, so that a model is written once: an encoder is told the choice, a decoder says it. What
+//! each choice runs through is inlined: the browser module is compiled
 //! for size, which would make it a third as fast.
 
 /// Choices after which a chance learns no slower.
@@ -224,6 +225,10 @@ impl Encoder {
         }
         self.pending += 1;
         self.low = self.low << 8 & 0xffff_ffff;
+    }
+    /// Bytes so far, but for a few that are held back.
+    pub(crate) fn byte_count(&self) -> usize {
+        self.bytes.len()
     }
     /// Ends the bytes. Zeros at the end are left out: a decoder reads zeros past the end.
     pub(crate) fn finish(mut self) -> Vec<u8> {

@@ -56,6 +56,6 @@ pub use append::Change;
 pub use error::MeshError;
 pub use geomorph::Prefix;
 pub use level::{CornerMove, Level, MovedVertices};
-pub use mesh::{AttributeSet, Attributes, IndexedMesh, Vertices};
+pub use mesh::{AttributeSet, Attributes, IndexedMesh, Vertices, turned};
 pub use multilevel::ProgressiveMultilevelMesh;
 pub use split::split_levels;

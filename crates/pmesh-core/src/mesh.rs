@@ -154,6 +154,11 @@ impl IndexedMesh {
     }
 }
 
+/// The triangle turned to the lexicographically lowest of its three turns; orientation is kept.
+pub fn turned([a, b, c]: [u32; 3]) -> [u32; 3] {
+    [a, b, c].min([b, c, a]).min([c, a, b])
+}
+
 fn bounds(positions: &[[f32; 3]]) -> ([f32; 3], [f32; 3]) {
     let Some(&first) = positions.first() else { return ([0.0; 3], [0.0; 3]) };
     positions

@@ -10,7 +10,7 @@ use crate::pmesh::header::{Block, BlockKind, Container, Header};
 use crate::pmesh::{mime_code, texture_place};
 use crate::range::Encoder;
 use crate::{EncodeError, Texture};
-use pmesh_core::{IndexedMesh, Vertices};
+use pmesh_core::{IndexedMesh, Vertices, turned};
 use std::collections::{HashMap, HashSet};
 use std::io::Write;
 
@@ -25,6 +25,14 @@ pub struct Removed {
     pub chain: Vec<u32>,
     /// Colour of the patch, 1 to 3; unlike that of any patch across an edge.
     pub color: u8,
+}
+
+impl Removed {
+    /// The triangles of the patch; `coded` gives the surface's number of each vertex, `places` is [`Surface::places`].
+    pub(crate) fn patch(&self, coded: &[u32], places: &HashMap<[u32; 3], u32>) -> Option<Vec<u32>> {
+        let triangle = |w: &[u32]| places.get(&turned([self.apex, w[0], w[1]].map(|v| coded[v as usize]))).copied();
+        self.chain.windows(2).map(triangle).collect()
+    }
 }
 
 /// The vertices that a level adds to the one before; no two of them neighbours.
@@ -107,23 +115,26 @@ pub fn encode(stream: &PatchStream, position_bits: Option<u8>, out: &mut impl Wr
     vertex_order.iter().enumerate().for_each(|(new, &old)| coded[old as usize] = new as u32);
     let mut surface = Surface::new(base.triangles, base_vertices);
     let mut model = LevelModel::new(source.width);
-    let mut connectivity = LevelModel::new(source.width);
     for (i, level) in stream.levels.iter().enumerate() {
-        let (colors, vertex) = colored(&surface, level, &coded).ok_or("no triangle").map_err(misfit)?;
-        report.color_bits += 2 * colors.len() as u64;
-        report.patch_bits += 2 * colors.iter().filter(|&&c| c != 0).count() as u64;
+        let vertex = patches(&surface, level, &coded).ok_or("no triangle").map_err(misfit)?;
+        report.color_bits += 2 * vertex.len() as u64;
+        report.patch_bits += 2 * vertex.iter().filter(|&&v| v != NONE).count() as u64;
         let outer = best_outer(&surface, &rows, &source, &vertex);
         let count = level.removed.len() as u32;
-        report.connectivity += patches_alone(&surface, &rows, &mut connectivity, &vertex, count).map_err(misfit)?;
         let mut truth = LevelTruth { vertex: &vertex, rows: &source, vertex_order: &mut vertex_order };
-        let mut coder = Encoder::new();
+        let (mut coder, mut patch_bytes) = (Encoder::new(), 0);
         let mut levels = LevelCoder::new(count, outer);
         let mut inserted = Vec::new();
         let both = &mut (&mut surface, &mut rows);
         while !levels
             .step(&mut coder, &mut model, (both.0, both.1), Some(&mut truth), usize::MAX, &mut inserted)
             .map_err(misfit)?
-        {}
+        {
+            if patch_bytes == 0 && levels.patches_are_coded() {
+                patch_bytes = coder.byte_count();
+            }
+        }
+        report.connectivity += patch_bytes;
         inserted.iter().for_each(|v| coded[vertex_order[v.vertex as usize] as usize] = v.vertex);
         let payload = [vec![outer as u8], coder.finish()].concat();
         report.removed.0 += count;
@@ -189,23 +200,19 @@ fn push_block(blocks: &mut Vec<Block>, payloads: &mut Vec<Vec<u8>>, mut payload:
     payloads.push(payload);
 }
 
-/// The colour of each triangle of the coarser mesh, and the vertex that its patch gets.
-fn colored(surface: &Surface, level: &PatchLevel, coded: &[u32]) -> Option<(Vec<u8>, Vec<u32>)> {
-    let mut colors = vec![0; surface.triangles.len()];
+/// For each triangle of the coarser mesh the vertex that its patch gets, or [`NONE`].
+fn patches(surface: &Surface, level: &PatchLevel, coded: &[u32]) -> Option<Vec<u32>> {
     let mut vertex = vec![NONE; surface.triangles.len()];
-    let turned = |[a, b, c]: [u32; 3]| [a, b, c].min([b, c, a]).min([c, a, b]);
-    let place: HashMap<[u32; 3], u32> = surface.triangles.iter().enumerate().map(|(t, &v)| (turned(v), t as u32)).collect();
+    let places = surface.places();
     for r in &level.removed {
-        for pair in r.chain.windows(2) {
-            let t = *place.get(&turned([r.apex, pair[0], pair[1]].map(|v| coded[v as usize])))? as usize;
-            colors[t] = r.color;
-            vertex[t] = r.vertex;
+        for t in r.patch(coded, &places)? {
+            vertex[t as usize] = r.vertex;
         }
     }
-    Some((colors, vertex))
+    Some(vertex)
 }
 
-/// The patches, as the decoder will find them before any vertex is put in.
+/// The predictor's parameter that makes the displacements shortest, judged before any vertex is put in.
 fn best_outer(surface: &Surface, rows: &Rows, source: &Rows, vertex: &[u32]) -> i64 {
     let mut patches: HashMap<u32, Vec<u32>> = HashMap::new();
     for t in CanonicalOrder::of(surface).into_iter().filter(|&t| vertex[t as usize] != NONE) {
@@ -223,21 +230,4 @@ fn best_outer(surface: &Surface, rows: &Rows, source: &Rows, vertex: &[u32]) -> 
         fans.iter().map(residual).sum()
     };
     (0..9).min_by_key(|&outer| cost(outer)).unwrap_or(0)
-}
-
-/// Bytes that the patches of a level take by themselves, with a model of their own: Table 1's column.
-fn patches_alone(
-    surface: &Surface,
-    rows: &Rows,
-    model: &mut LevelModel,
-    vertex: &[u32],
-    count: u32,
-) -> Result<usize, &'static str> {
-    let mut coder = Encoder::new();
-    let mut level = LevelCoder::new(count, 0);
-    let (mut surface, mut rows) = (surface.clone(), rows.clone());
-    let mut order = Vec::new();
-    let mut truth = LevelTruth { vertex, rows: &Rows::default(), vertex_order: &mut order };
-    while level.step_patches(&mut coder, model, (&mut surface, &mut rows), &mut truth)? {}
-    Ok(coder.finish().len())
 }

@@ -26,25 +26,21 @@ const CONTEXTS: usize = CLASSES * CLASSES * CLASSES;
 /// Chances of a yes or no by six contexts, mixed.
 struct Question {
     mixers: [Mixer; CLASSES],
-    chances: Vec<Chance>,
+    /// By context, for each input of the mixer.
+    chances: [Vec<Chance>; INPUTS],
 }
 
 impl Question {
     fn new() -> Self {
-        Self { mixers: std::array::from_fn(|_| Mixer::default()), chances: vec![Chance::default(); INPUTS * CONTEXTS] }
+        let chances = std::array::from_fn(|_| vec![Chance::default(); CONTEXTS]);
+        Self { mixers: std::array::from_fn(|_| Mixer::default()), chances }
     }
     /// Each context is three classes below [`CLASSES`]; `weights` chooses the mixer.
     fn code(&mut self, coder: &mut impl Coder, weights: usize, contexts: [[usize; 3]; INPUTS], bit: bool) -> bool {
         let index = |[a, b, c]: [usize; 3]| (a.min(CLASSES - 1) * CLASSES + b.min(CLASSES - 1)) * CLASSES + c.min(CLASSES - 1);
-        let mut parts = self.chances.chunks_mut(CONTEXTS);
-        let mut spare = [Chance::default(); INPUTS];
-        let mut spares = spare.iter_mut();
-        let chances = contexts.map(|c| match (parts.next(), spares.next()) {
-            (Some(part), _) => Some(&mut part[index(c)]),
-            (None, spare) => spare,
-        });
-        let [Some(a), Some(b), Some(c), Some(d), Some(e), Some(f)] = chances else { return bit };
-        coder.mixed(&mut self.mixers[weights.min(CLASSES - 1)], [a, b, c, d, e, f], bit)
+        let mut at = contexts.into_iter().map(index);
+        let chances = self.chances.each_mut().map(|part| &mut part[at.next().unwrap_or(0)]);
+        coder.mixed(&mut self.mixers[weights.min(CLASSES - 1)], chances, bit)
     }
 }
 
@@ -212,19 +208,9 @@ impl LevelCoder {
         Ok(false)
     }
 
-    /// A step that ends with the patches; true while they are not all coded.
-    pub(super) fn step_patches(
-        &mut self,
-        coder: &mut impl Coder,
-        model: &mut LevelModel,
-        mesh: (&mut Surface, &mut Rows),
-        truth: &mut LevelTruth,
-    ) -> Result<bool, &'static str> {
-        if matches!(self.stage, Stage::Gather | Stage::Vertices) {
-            return Ok(false);
-        }
-        self.step(coder, model, mesh, Some(truth), usize::MAX, &mut Vec::new())?;
-        Ok(true)
+    /// True once all patches are coded: what follows are displacements.
+    pub(super) fn patches_are_coded(&self) -> bool {
+        matches!(self.stage, Stage::Gather | Stage::Vertices)
     }
 
     /// What is known of a triangle before anything is coded.

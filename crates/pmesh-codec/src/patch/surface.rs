@@ -1,5 +1,6 @@
 //! Triangles that know what lies across their edges, and the canonical order of them (C.10, C.12).
 
+use pmesh_core::turned;
 use std::collections::{HashMap, VecDeque};
 
 /// Stands for "nothing there".
@@ -87,6 +88,10 @@ impl Surface {
         let mut builder = SurfaceBuilder::new(triangles, vertex_count);
         while !builder.step(usize::MAX) {}
         builder.surface
+    }
+    /// Number of each triangle by its corners, [`turned`].
+    pub(crate) fn places(&self) -> HashMap<[u32; 3], u32> {
+        self.triangles.iter().enumerate().map(|(t, &v)| (turned(v), t as u32)).collect()
     }
     /// Vertex at a corner.
     #[inline(always)]

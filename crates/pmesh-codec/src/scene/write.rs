@@ -7,7 +7,6 @@ use crate::EncodeError;
 use crate::patch::PatchStream;
 use crate::patch::surface::{CanonicalOrder, Fan, NONE, Surface};
 use pmesh_core::Vertices;
-use std::collections::HashMap;
 use std::io::Write;
 
 /// How nodes are written.
@@ -59,12 +58,10 @@ pub fn write(stream: &PatchStream, encoding: Encoding, out: &mut impl Write) -> 
         let order = if i == 0 { (0..surface.triangles.len() as u32).collect() } else { CanonicalOrder::of(&surface) };
         let mut number = vec![NONE; order.len()];
         order.iter().enumerate().for_each(|(n, &t)| number[t as usize] = n as u32);
-        let turned = |[a, b, c]: [u32; 3]| [a, b, c].min([b, c, a]).min([c, a, b]);
-        let place: HashMap<[u32; 3], u32> = surface.triangles.iter().enumerate().map(|(t, &v)| (turned(v), t as u32)).collect();
+        let places = surface.places();
         let mut patches = Vec::with_capacity(level.removed.len());
         for r in &level.removed {
-            let triangle = |w: &[u32]| place.get(&turned([r.apex, w[0], w[1]].map(|v| coded[v as usize]))).copied();
-            let mut region = r.chain.windows(2).map(triangle).collect::<Option<Vec<_>>>().ok_or_else(misfit)?;
+            let mut region = r.patch(&coded, &places).ok_or_else(misfit)?;
             region.sort_unstable_by_key(|&t| number[t as usize]);
             let fan = surface.fan(&region).ok_or_else(misfit)?;
             patches.push((number[region[0] as usize], r.vertex, region, fan));
