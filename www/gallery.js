@@ -35,7 +35,7 @@ function addCard(url, title, what, first = false) {
   const file = url.startsWith("blob:") ? "your-model.pmesh" : url;
   if (url.startsWith("blob:")) {
     const save = Object.assign(document.createElement("a"), { href: url, textContent: "Save the stream" });
-    save.download = /\.(pmesh|pits|slod|lod|gz|wrl|x3dv?)$/i.test(title) ? title : `${title.replace(/\.[^.]*$/, "")}.pmesh`;
+    save.download = /\.(pmesh|pits|pfs|slod|lod|gz|wrl|x3dv?)$/i.test(title) ? title : `${title.replace(/\.[^.]*$/, "")}.pmesh`;
     card.querySelector(".what").append(" · ", save);
   }
   const showTag = () => {
@@ -113,7 +113,7 @@ function showOwn(bytes, name) {
 
 async function encodeFile(file) {
   const bytes = await file.arrayBuffer();
-  if (/\.(pmesh|pits|slod|lod|gz|wrl|x3dv?)$/i.test(file.name)) return showOwn(bytes, file.name);
+  if (/\.(pmesh|pits|pfs|slod|lod|gz|wrl|x3dv?)$/i.test(file.name)) return showOwn(bytes, file.name);
   const [bar, message] = [byId("encoding"), byId("message")];
   bar.hidden = false;
   bar.value = 0;

@@ -10,7 +10,7 @@ try {
     const module = await import("/pmesh.js");
     await module.default();
     const own = await (await fetch("/models/index.json")).json().catch(() => []);
-    const streams = ["pits", "slod", "lod.gz", "x3d"].map((ending) => `/samples/knot.${ending}`);
+    const streams = ["pits", "pfs", "slod", "lod.gz", "x3d"].map((ending) => `/samples/knot.${ending}`);
     const names = ["globe", "marble", "knot", "part"].map((n) => `/samples/${n}.pmesh`).concat(streams).concat(own.map((n) => `/models/${n}`));
     const rows = [];
     for (const name of names) {

@@ -98,7 +98,7 @@ onPage("level 2.5 is drawn between levels 3 and 2, as the arrays say", async (pa
 onPage("every stream of the papers plays: text, smooth levels, patches, scenes; levels in order, the same model at the end", async (page) => {
   const result = await page.evaluate(async () => {
     const out = {};
-    for (const ending of [".pmesh", ".lod.gz", ".slod", ".pits", ".x3d", "-levels.wrl"]) {
+    for (const ending of [".pmesh", ".lod.gz", ".slod", ".pits", ".pfs", ".x3d", "-levels.wrl"]) {
       const mesh = add({ src: `/samples/knot${ending}?rate=400k` });
       await until(mesh, "load");
       await settled(mesh);

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// Samples of the gallery; `pmesh sample --help` says what they are.
 const SAMPLES: [&str; 5] = ["globe", "marble", "knot", "part", "tetrahedra"];
 /// Endings of the streams beside .pmesh; the knot is encoded as each.
-const OTHER_STREAMS: [&str; 4] = ["lod.gz", "slod", "pits", "x3d"];
+const OTHER_STREAMS: [&str; 5] = ["lod.gz", "slod", "pits", "pfs", "x3d"];
 /// Element files that go into the npm package beside the module.
 const ELEMENT_FILES: [&str; 8] = [
     "pmesh-element.js",

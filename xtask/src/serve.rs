@@ -63,7 +63,8 @@ async fn answer(Query(limits): Query<Limits>, request: Request, throttle: Option
     };
     let headers = response.headers_mut();
     headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-cache"));
-    let is_stream = [".pmesh", ".lod", ".gz", ".slod", ".pits", ".wrl", ".x3d", ".x3dv"].iter().any(|e| path.ends_with(e));
+    let is_stream =
+        [".pmesh", ".lod", ".gz", ".slod", ".pits", ".pfs", ".wrl", ".x3d", ".x3dv"].iter().any(|e| path.ends_with(e));
     let rate = limits.rate.and_then(|r| parse_rate(&r).ok()).or(throttle.filter(|_| is_stream));
     if rate.is_none() && limits.cut.is_none() {
         return response;

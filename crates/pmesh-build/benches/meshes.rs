@@ -11,10 +11,12 @@ use pmesh_build::import::{Model, import};
 use pmesh_build::measure::deviation;
 use pmesh_build::pipeline::{BuildOptions, Method, Steps, build};
 use pmesh_build::sample::{SAMPLES, sample};
-use pmesh_build::simplify::{PatchOptions, Placement, SimplifyOptions, remove_patches, simplify};
+use pmesh_build::simplify::{
+    ForestOptions, PatchOptions, Placement, SimplifyOptions, collapse_forests, remove_patches, simplify,
+};
 use pmesh_codec::pmesh::{EncodeOptions, encode, quantise};
 use pmesh_codec::scene::{self, Encoding};
-use pmesh_codec::{Receiver, patch, slod};
+use pmesh_codec::{Receiver, patch, slod, split};
 use pmesh_core::stepped::SteppedLevel;
 use pmesh_core::{IndexedMesh, ProgressiveMultilevelMesh};
 use std::path::{Path, PathBuf};
@@ -98,6 +100,11 @@ fn verify(name: &str, model: &Model) -> Outcome {
         bytes.clear();
         patch::encode(&patches, bits, &mut bytes)?;
         verify_stream(name, &format!("pits {shown}"), &bytes, &mesh)?;
+        let forests = collapse_forests(&taken, ForestOptions::default(), |_| ());
+        bytes.clear();
+        let report = split::encode(&forests, bits, &mut bytes)?;
+        verify_stream(name, &format!("pfs {shown}"), &bytes, &mesh)?;
+        println!("{name:<14} pfs: {:.2} bits a new triangle before entropy coding", report.raw_bits_per_triangle());
         if bits.is_none() {
             bytes.clear();
             let rounded = scene::write(&patches, Encoding::X3dXml, &mut bytes)?;

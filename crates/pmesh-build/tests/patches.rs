@@ -2,10 +2,10 @@
 
 use pmesh_build::compare::difference;
 use pmesh_build::sample::sample;
-use pmesh_build::simplify::{PatchOptions, remove_patches};
-use pmesh_codec::patch::surface::{CanonicalOrder, NONE, Surface};
+use pmesh_build::simplify::{ForestOptions, PatchOptions, collapse_forests, remove_patches};
 use pmesh_codec::patch::{PatchStream, encode};
 use pmesh_codec::pmesh::quantise;
+use pmesh_codec::refine::surface::{CanonicalOrder, NONE, Surface};
 use pmesh_codec::{Arrival, Receiver};
 use pmesh_core::{IndexedMesh, Vertices, turned};
 use proptest::prelude::*;
@@ -135,7 +135,7 @@ proptest! {
 
     /// A decoder that is given any bytes in a valid frame ends with an error or a valid mesh.
     #[test]
-    fn no_block_makes_it_panic_or_swell(noise in prop::collection::vec(any::<u8>(), 1..300), at in 0usize..3) {
+    fn no_block_makes_it_panic_or_swell(noise in prop::collection::vec(any::<u8>(), 1..300), at in 0usize..3, split: bool) {
         use pmesh_codec::pmesh::header::{Block, BlockKind, Container, Header};
         let mut mesh = quantise(&sample("tetrahedra").expect("it is built in").mesh, Some(12));
         mesh.position_of.clear();
@@ -147,7 +147,7 @@ proptest! {
         let counts = [(40, 60), (noise.len() as u32 * 30, noise.len() as u32 * 60), (3, 6)][at];
         let blocks = vec![block(&noise, counts.0, counts.1), block(&noise, 7, 14)];
         let grids = pmesh_codec::pmesh::Quantisation { position_bits: Some(12), position_step: 1.0, ..Default::default() };
-        let header = Header { container: Container::Patches, grids, bounds: ([0.0; 3], [1.0; 3]), blocks, has_seams: at == 2, ..Default::default() };
+        let header = Header { container: if split { Container::Forest } else { Container::Patches }, grids, bounds: ([0.0; 3], [1.0; 3]), blocks, has_seams: at == 2, ..Default::default() };
         let file = [header.to_bytes(), noise.clone(), noise].concat();
         let mut receiver = Receiver::default();
         let _ = receiver.push(&file).and_then(|()| receiver.finish());
@@ -193,7 +193,7 @@ fn every_stream_converts_to_every_other() {
         f(&mut out).expect("it writes");
         out
     }
-    let writers: [(&str, Writer); 5] = [
+    let writers: [(&str, Writer); 6] = [
         ("pmesh", |m| {
             let (stream, _) = levels(m, Method::Quadric, Steps::Growth(1.5));
             bytes(|out| pmesh_codec::pmesh::encode(&stream, EncodeOptions { position_bits: None }, out))
@@ -204,6 +204,10 @@ fn every_stream_converts_to_every_other() {
             bytes(|out| pmesh_codec::slod::encode(&mesh, out).map(drop))
         }),
         ("pits", |m| bytes(|out| encode(&taken_apart(m, 20), None, out).map(drop))),
+        ("pfs", |m| {
+            let stream = collapse_forests(m, ForestOptions { base_vertices: 20 }, |_| ());
+            bytes(|out| pmesh_codec::split::encode(&stream, None, out).map(drop))
+        }),
         ("x3d", |m| bytes(|out| write(&taken_apart(m, 20), Encoding::X3dXml, out).map(drop))),
     ];
     for name in ["knot", "tetrahedra", "part"] {

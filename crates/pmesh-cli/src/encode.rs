@@ -8,11 +8,12 @@ use clap::ValueEnum;
 use flate2::{Compression, write::GzEncoder};
 use pmesh_build::import::Model;
 use pmesh_build::pipeline::{BuildOptions, LevelRule, Method, Steps, build};
-use pmesh_build::simplify::{PatchOptions, Placement, remove_patches};
+use pmesh_build::simplify::{ForestOptions, PatchOptions, Placement, collapse_forests, remove_patches};
 use pmesh_codec::patch::{self, PatchStream};
 use pmesh_codec::pmesh::{EncodeOptions, LevelStream, quantise};
 use pmesh_codec::scene::{self, Encoding};
 use pmesh_codec::slod;
+use pmesh_codec::split;
 use pmesh_codec::text::{self, TextOptions, TextVariant};
 use pmesh_core::{Attributes, ProgressiveMultilevelMesh};
 use std::io::Write;
@@ -26,7 +27,7 @@ use std::path::{Path, PathBuf};
 pub struct Args {
     /// The mesh, or a stream whose levels are kept
     input: PathBuf,
-    /// Where to write: .pmesh, .pits, .slod, .lod, .lod.gz, .wrl, .x3dv or .x3d
+    /// Where to write: .pmesh, .pits, .pfs, .slod, .lod, .lod.gz, .wrl, .x3dv or .x3d
     #[arg(short, long)]
     output: PathBuf,
     #[command(flatten)]
@@ -40,7 +41,7 @@ pub struct How {
     #[arg(long, value_enum)]
     stream: Option<Stream>,
     /// Bits a coordinate, 8 to 16, or "none" to keep every float; the grid's step is the longest side / (2^N - 1) [default: 14
-    /// for .pmesh and .pits, none for the others]
+    /// for .pmesh, .pits and .pfs, none for the others]
     #[arg(long, value_parser = parse_bits)]
     bits: Option<Bits>,
     /// Number of levels, 1 to 63; a .slod has one a vertex
@@ -49,7 +50,7 @@ pub struct How {
     /// Factor by which triangles grow from level to level [default: 1.5]
     #[arg(long)]
     growth: Option<f64>,
-    /// Triangles of the coarsest level, about; 0 leaves one vertex a component [default: 60, 1200 for .pits]
+    /// Triangles of the coarsest level, about; 0 leaves one vertex a component [default: 60, 1200 for .pits, 600 for .pfs]
     #[arg(long)]
     base: Option<usize>,
     /// How to simplify [default: half-edge, closest for .slod]
@@ -87,6 +88,8 @@ enum Stream {
     Slod,
     /// FC01's patches: the smallest
     Patch,
+    /// Forest splits (Taubin et al.): few levels, each nearly twice the one before
+    Split,
     /// FC01's nodes as VRML97, X3D classic or X3D XML text, as the name's ending says
     Nodes,
 }
@@ -100,6 +103,7 @@ impl Stream {
             (".lod.gz", Stream::Lod),
             (".slod", Stream::Slod),
             (".pits", Stream::Patch),
+            (".pfs", Stream::Split),
             (".wrl", Stream::Nodes),
             (".x3dv", Stream::Nodes),
             (".x3d", Stream::Nodes),
@@ -107,7 +111,7 @@ impl Stream {
         let named = known.iter().find(|k| name.ends_with(k.0)).map(|k| k.1);
         how.stream.or(named).ok_or_else(|| {
             CliError::Other(format!(
-                "{}: write .pmesh, .pits, .slod, .lod, .lod.gz, .wrl, .x3dv or .x3d, or say which with --stream",
+                "{}: write .pmesh, .pits, .pfs, .slod, .lod, .lod.gz, .wrl, .x3dv or .x3d, or say which with --stream",
                 path.display()
             ))
         })
@@ -130,7 +134,7 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
     let kind = Stream::of(&args.output, &args.how)?;
     let bytes = input::read(&args.input)?;
     let is_stream = input::is_stream(&args.input, &bytes);
-    if is_stream && !matches!(kind, Stream::Patch | Stream::Nodes) && !input::is_plain_scene(&bytes) {
+    if is_stream && !matches!(kind, Stream::Patch | Stream::Split | Stream::Nodes) && !input::is_plain_scene(&bytes) {
         let stream = kept_levels(&args.input, &bytes)?;
         // A .pmesh has no table for a level a vertex: it gets levels of its own.
         if kind != Stream::Pmesh || stream.levels.len() < 64 {
@@ -145,7 +149,7 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
     encode_model(model, &args.input, &args.output, &args.how, quiet)
 }
 
-/// Patches are levels of their own kind: a stream is decoded to its finest mesh first.
+/// Patches and forests are levels of their own kind: a stream is decoded to its finest mesh first.
 fn finest(path: &Path, bytes: &[u8]) -> Result<Model> {
     let stream = input::decode_whole(path, bytes)?;
     stream.warn(path);
@@ -155,13 +159,13 @@ fn finest(path: &Path, bytes: &[u8]) -> Result<Model> {
     Ok(Model { mesh: stream.receiver.mesh().finest_mesh(), texture: stream.texture, ..Default::default() })
 }
 
-fn write_patches(model: Model, input: &Path, output: &Path, how: &How, quiet: bool) -> Result<()> {
+/// Writes patches, as bytes or as nodes, or forest splits.
+fn write_refinements(model: Model, input: &Path, output: &Path, how: &How, quiet: bool) -> Result<()> {
     if how.levels.is_some() || how.growth.is_some() || how.simplifier.is_some() {
-        eprintln!(
-            "warning: --levels, --growth and --simplifier have no effect here: levels of patches are independent sets of vertices"
-        );
+        eprintln!("warning: --levels, --growth and --simplifier have no effect here: this stream's levels are of its own kind");
     }
-    let text = Stream::of(output, how)? == Stream::Nodes && !how.split_levels;
+    let kind = Stream::of(output, how)?;
+    let text = kind == Stream::Nodes && !how.split_levels;
     let bits = how.bits.unwrap_or(Bits(if text { None } else { Some(DEFAULT_BITS) })).0;
     let mut mesh = quantise(&model.mesh, bits);
     if mesh.vertices.is_empty() {
@@ -169,38 +173,67 @@ fn write_patches(model: Model, input: &Path, output: &Path, how: &How, quiet: bo
     }
     // What the grid has rounded is what is taken apart; attributes keep their own grids.
     mesh.vertices.attributes = model.mesh.vertices.attributes.clone();
-    let (total, base) = (mesh.vertices.len(), how.base.map_or(PatchOptions::default().base_vertices, |t| t / 2));
+    let (patches, forests) = (PatchOptions::default().base_vertices, ForestOptions::default().base_vertices);
+    let base_vertices = how.base.map_or(if kind == Stream::Split { forests } else { patches }, |t| t / 2);
+    let total = mesh.vertices.len();
     let progress = Progress::new("removing vertices", quiet);
-    let done = |left: usize| (total - left) as f64 / (total - base.min(total)).max(1) as f64;
-    let mut stream = remove_patches(&mesh, PatchOptions { base_vertices: base }, |left| progress.set(done(left)));
-    progress.done();
-    stream.texture = model.texture;
-    let mut out = Vec::new();
-    if text {
-        return write_nodes(&stream, output, quiet);
-    }
-    let report = patch::encode(&stream, bits, &mut out).map_err(CliError::encode(output))?;
+    let part = |left: usize| (total - left) as f64 / (total - base_vertices.min(total)).max(1) as f64;
+    let (mut out, summary) = (Vec::new(), Summary { mesh: &mesh, output });
+    let line = if kind == Stream::Split {
+        let mut stream = collapse_forests(&mesh, ForestOptions { base_vertices }, |left| progress.set(part(left)));
+        progress.done();
+        stream.texture = model.texture;
+        let report = split::encode(&stream, bits, &mut out).map_err(CliError::encode(output))?;
+        let more = format!("; {:.2} bits a new triangle before entropy coding", report.raw_bits_per_triangle());
+        summary.line(stream.level_count(), out.len(), report.base, report.loose.0, report.removed, report.connectivity) + &more
+    } else {
+        let mut stream = remove_patches(&mesh, PatchOptions { base_vertices }, |left| progress.set(part(left)));
+        progress.done();
+        stream.texture = model.texture;
+        if text {
+            return write_nodes(&stream, output, quiet);
+        }
+        let report = patch::encode(&stream, bits, &mut out).map_err(CliError::encode(output))?;
+        let levels = stream.levels.len() as u32 + 1;
+        summary.line(levels, out.len(), report.base, report.loose.0, report.removed, report.connectivity)
+    };
     if how.split_levels {
         split_levels(&out, output, quiet)?;
     } else {
         output::write_bytes(output, &out)?;
     }
-    if quiet {
-        return Ok(());
+    if quiet { Ok(()) } else { say(&line) }
+}
+
+/// What a stream of refinements is made of, in a line.
+struct Summary<'a> {
+    mesh: &'a pmesh_core::IndexedMesh,
+    output: &'a Path,
+}
+
+impl Summary<'_> {
+    fn line(
+        &self,
+        levels: u32,
+        bytes: usize,
+        base: (u32, u32, usize),
+        loose: u32,
+        removed: (u32, usize),
+        connectivity: usize,
+    ) -> String {
+        let per = |bytes: usize| 8.0 * bytes as f64 / f64::from(removed.0.max(1));
+        format!(
+            "{}: {} levels, {} triangles, {bytes} bytes; base {} vertices in {} bytes; {} removed: {:.2} bits each for connectivity, {:.2} for displacements",
+            self.output.display(),
+            levels + u32::from(loose > 0),
+            self.mesh.triangles.len(),
+            base.0,
+            base.2,
+            removed.0,
+            per(connectivity),
+            per(removed.1 - connectivity)
+        )
     }
-    let per = |bytes: usize| 8.0 * bytes as f64 / f64::from(report.removed.0.max(1));
-    say(&format!(
-        "{}: {} levels, {} triangles, {} bytes; base {} vertices in {} bytes; {} removed: {:.2} bits each for patches, {:.2} for displacements",
-        output.display(),
-        stream.levels.len() + 1 + usize::from(report.loose.0 > 0),
-        mesh.triangles.len(),
-        out.len(),
-        report.base.0,
-        report.base.2,
-        report.removed.0,
-        per(report.connectivity),
-        per(report.removed.1 - report.connectivity)
-    ))
 }
 
 fn encoding_of(output: &Path) -> Encoding {
@@ -296,7 +329,7 @@ impl How {
 /// Encodes `model` as the stream that `output` names, as `how` says.
 pub fn encode_model(model: Model, input: &Path, output: &Path, how: &How, quiet: bool) -> Result<()> {
     match Stream::of(output, how)? {
-        Stream::Patch | Stream::Nodes => write_patches(model, input, output, how, quiet),
+        Stream::Patch | Stream::Split | Stream::Nodes => write_refinements(model, input, output, how, quiet),
         kind => write_stream(simplified(&model, input, how, kind, quiet)?, output, how, quiet),
     }
 }
@@ -347,7 +380,7 @@ pub fn write_stream(stream: LevelStream, path: &Path, how: &How, quiet: bool) ->
                 bytes = gzip(&bytes).map_err(CliError::io(path))?;
             }
         }
-        Stream::Patch | Stream::Nodes => {
+        Stream::Patch | Stream::Split | Stream::Nodes => {
             let message = "has levels already: write it as a .pmesh and encode that";
             return Err(CliError::Other(format!("{}: what it is made of {message}", path.display())));
         }

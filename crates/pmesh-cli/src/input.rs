@@ -39,8 +39,9 @@ pub fn is_stream(path: &Path, bytes: &[u8]) -> bool {
     bytes.starts_with(&pmesh_codec::pmesh::SIGNATURE)
         || bytes.starts_with(&pmesh_codec::slod::SIGNATURE)
         || bytes.starts_with(&pmesh_codec::patch::SIGNATURE)
+        || bytes.starts_with(&pmesh_codec::split::SIGNATURE)
         || bytes.starts_with(&[0x1f, 0x8b])
-        || [".pmesh", ".lod", ".lod.gz", ".slod", ".pits", ".wrl", ".x3dv", ".x3d"].iter().any(|e| name.ends_with(e))
+        || [".pmesh", ".lod", ".lod.gz", ".slod", ".pits", ".pfs", ".wrl", ".x3dv", ".x3d"].iter().any(|e| name.ends_with(e))
 }
 
 /// True if the bytes are a scene with plain face sets: a mesh, though a decoder reads it.

@@ -1,6 +1,6 @@
 //! The one interface of all decoders, and the choice among them by the first bytes.
 
-use crate::{DecodeError, gzip::GzipDecoder, patch, pmesh::PmeshDecoder, scene, slod, text::TextDecoder};
+use crate::{DecodeError, gzip::GzipDecoder, patch, pmesh::PmeshDecoder, scene, slod, split, text::TextDecoder};
 use pmesh_core::{AttributeSet, Level};
 
 /// A level as the stream's own table announces it.
@@ -113,7 +113,11 @@ impl Sniffer {
         }
         if starts(&patch::SIGNATURE) {
             let whole = seen.len() >= patch::SIGNATURE.len();
-            return Ok(whole.then(|| Box::new(patch::PatchDecoder::new()) as Box<_>));
+            return Ok(whole.then(|| Box::new(patch::decoder()) as Box<_>));
+        }
+        if starts(&split::SIGNATURE) {
+            let whole = seen.len() >= split::SIGNATURE.len();
+            return Ok(whole.then(|| Box::new(split::decoder()) as Box<_>));
         }
         if starts(&slod::SIGNATURE) {
             let whole = seen.len() >= slod::SIGNATURE.len();

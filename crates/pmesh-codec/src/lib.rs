@@ -10,6 +10,7 @@
 //! | text, `.lod` (A.21–A.24, D.7) | [`text`] | [`text::write`] |
 //! | smooth levels, `.slod` (B.13–B.16) | [`slod`] | [`slod::encode`] |
 //! | patches, `.pits` (C.3–C.6) | [`patch`] | [`patch::encode`] |
+//! | forest splits, `.pfs` (A.31) | [`split`] | [`split::encode`] |
 //! | VRML97 and X3D, `.wrl`, `.x3dv`, `.x3d` (C.7–C.12, A.19) | [`scene`] | [`scene::write`] |
 //! | any of them, gzipped | [`gzip`] | flate2 |
 //!
@@ -23,8 +24,10 @@ pub mod patch;
 pub mod pmesh;
 mod range;
 mod receiver;
+pub mod refine;
 pub mod scene;
 pub mod slod;
+pub mod split;
 pub mod text;
 
 pub use decoder::{Decoder, Event, LevelEntry, StreamInfo, Texture, open};

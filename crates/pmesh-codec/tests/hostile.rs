@@ -71,6 +71,25 @@ fn patch_file() -> Vec<u8> {
     bytes
 }
 
+/// A square of nine cells, from which two vertices go one after the other.
+fn split_file() -> Vec<u8> {
+    use pmesh_codec::split::{SplitStream, encode};
+    let positions = (0..16).map(|v| [(v % 4) as f32, (v / 4) as f32, 0.0]).collect();
+    let cell = |c: u32| {
+        let a = c / 3 * 4 + c % 3;
+        [[a, a + 1, a + 5], [a, a + 5, a + 4]]
+    };
+    let vertices = Vertices { positions, ..Default::default() };
+    let mesh = pmesh_core::IndexedMesh { vertices, triangles: (0..9).flat_map(cell).collect(), ..Default::default() };
+    let (mut parents, mut levels) = (vec![0; 16], vec![0; 16]);
+    (parents[5], levels[5]) = (6, 2);
+    (parents[9], levels[9]) = (10, 1);
+    let mut bytes = Vec::new();
+    let stream = SplitStream { mesh, parents, levels, errors: vec![2.0, 1.0, 0.0], texture: None };
+    encode(&stream, None, &mut bytes).expect("it encodes");
+    bytes
+}
+
 fn gzip(bytes: &[u8]) -> Vec<u8> {
     let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
     encoder.write_all(bytes).expect("memory");
@@ -86,6 +105,7 @@ fn all_files() -> Vec<Vec<u8>> {
         gzip(&pmesh_file(None)),
         slod_file(),
         patch_file(),
+        split_file(),
     ]
 }
 

@@ -10,12 +10,15 @@
 
 mod closest;
 mod collapser;
+mod forests;
 mod patches;
 mod quadric;
 mod ring;
+mod surgery;
 
 pub use closest::cluster_closest;
 pub use collapser::simplify;
+pub use forests::{ForestOptions, collapse_forests};
 pub use patches::{PatchOptions, remove_patches};
 
 /// Where the vertex that stays stands after a collapse.

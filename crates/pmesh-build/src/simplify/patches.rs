@@ -5,7 +5,7 @@
 //! does in this level, and a vertex for whose patch no colour is free stays. Boundaries, seams and what is not manifold
 //! stay in the base mesh.
 
-use super::quadric::{Point, Quadric, cross, dot, sub};
+use super::surgery::Surgery;
 use pmesh_codec::patch::{PatchLevel, PatchStream, Removed};
 use pmesh_core::IndexedMesh;
 use std::cmp::Reverse;
@@ -26,10 +26,6 @@ impl Default for PatchOptions {
 
 /// Most levels, the base not counted.
 const LEVEL_LIMIT: usize = 61;
-/// Largest star that is refilled.
-const DEGREE_LIMIT: usize = 12;
-/// Least cosine between a new triangle and the star it lies in.
-const TURN_COSINE: f64 = 0.2;
 /// Powers of two in cost that it is worth to have a whole rim in common with vertices that go: densely packed patches are
 /// coded in fewer bits, and levels are fewer.
 const PACKING: f64 = 16.0;
@@ -38,12 +34,12 @@ const LEAST_PART: f64 = 0.02;
 
 /// Takes `mesh` apart into patches. `progress` gets the vertices left. O(n log n).
 pub fn remove_patches(mesh: &IndexedMesh, options: PatchOptions, mut progress: impl FnMut(usize)) -> PatchStream {
-    let mut surgery = Surgery::new(mesh);
+    let mut patches = Patches { surgery: Surgery::new(mesh), color: vec![0; mesh.triangles.len()] };
     let mut levels = Vec::new();
     let mut errors = vec![0.0];
     let mut left = mesh.vertices.len();
     while left > options.base_vertices && levels.len() < LEVEL_LIMIT {
-        let removed = surgery.level(left - options.base_vertices);
+        let removed = patches.level(left - options.base_vertices);
         if removed.is_empty() {
             break;
         }
@@ -51,14 +47,14 @@ pub fn remove_patches(mesh: &IndexedMesh, options: PatchOptions, mut progress: i
         left -= removed.len();
         progress(left);
         levels.push(PatchLevel { removed });
-        errors.push(surgery.error.sqrt() as f32);
+        errors.push(patches.surgery.error.sqrt() as f32);
         if last {
             break;
         }
     }
     levels.reverse();
     errors.reverse();
-    let base_triangles = surgery.alive_triangles();
+    let base_triangles = patches.surgery.alive_triangles();
     PatchStream { mesh: mesh.clone(), base_triangles, levels, errors, texture: None }
 }
 
@@ -70,116 +66,25 @@ struct Candidate {
     rim: Vec<u32>,
 }
 
-struct Surgery {
-    positions: Vec<Point>,
-    triangles: Vec<[u32; 3]>,
-    alive: Vec<bool>,
+struct Patches {
+    surgery: Surgery,
     /// Colour of each triangle made in this level.
     color: Vec<u8>,
-    around: Vec<Vec<u32>>,
-    quadrics: Vec<Quadric>,
-    gone: Vec<bool>,
-    /// Vertices that share a position: both sides of a seam stay.
-    kept: Vec<bool>,
-    /// Largest mean squared distance so far.
-    error: f64,
 }
 
-fn normal(p: &[Point], [a, b, c]: [u32; 3]) -> Point {
-    let [a, b, c] = [a, b, c].map(|v| p[v as usize]);
-    cross(sub(b, a), sub(c, a))
-}
-
-impl Surgery {
-    fn new(mesh: &IndexedMesh) -> Self {
-        let positions: Vec<Point> = mesh.vertices.positions.iter().map(|p| p.map(f64::from)).collect();
-        let mut around = vec![Vec::new(); positions.len()];
-        let mut quadrics = vec![Quadric::default(); positions.len()];
-        for (i, &t) in mesh.triangles.iter().enumerate() {
-            t.iter().for_each(|&v| around[v as usize].push(i as u32));
-            let n = normal(&positions, t);
-            let length = dot(n, n).sqrt();
-            if length > 0.0 {
-                let plane = Quadric::plane(positions[t[0] as usize], n.map(|x| x / length), length);
-                t.iter().for_each(|&v| quadrics[v as usize].add(&plane));
-            }
-        }
-        let count = mesh.triangles.len();
-        let mut kept = vec![false; positions.len()];
-        mesh.position_of.iter().for_each(|&(v, p)| (kept[v as usize], kept[p as usize]) = (true, true));
-        Self {
-            kept,
-            gone: vec![false; positions.len()],
-            positions,
-            triangles: mesh.triangles.clone(),
-            alive: vec![true; count],
-            color: vec![0; count],
-            around,
-            quadrics,
-            error: 0.0,
-        }
-    }
-    fn alive_triangles(&self) -> Vec<[u32; 3]> {
-        self.triangles.iter().zip(&self.alive).filter(|t| *t.1).map(|t| *t.0).collect()
-    }
-
-    /// The rim of `v`, counter-clockwise, if its triangles are one closed fan.
-    fn rim(&self, v: u32) -> Option<Vec<u32>> {
-        let star = &self.around[v as usize];
-        if !(3..=DEGREE_LIMIT).contains(&star.len()) {
-            return None;
-        }
-        let edge = |&t: &u32| {
-            let t = self.triangles[t as usize];
-            let k = t.iter().position(|&x| x == v)?;
-            Some((t[(k + 1) % 3], t[(k + 2) % 3]))
-        };
-        let edges = star.iter().map(edge).collect::<Option<Vec<_>>>()?;
-        let mut rim = vec![edges[0].0];
-        let mut at = edges[0].1;
-        while at != rim[0] {
-            if rim.len() == edges.len() || rim.contains(&at) || at == v {
-                return None;
-            }
-            rim.push(at);
-            at = edges.iter().find(|e| e.0 == at)?.1;
-        }
-        (rim.len() == edges.len()).then_some(rim)
-    }
-    fn joined(&self, a: u32, b: u32) -> bool {
-        self.around[a as usize].iter().any(|&t| self.triangles[t as usize].contains(&b))
-    }
-    /// True if a fan about the first of `rim` would repeat an edge or a triangle.
-    fn repeats(&self, rim: &[u32]) -> bool {
-        let inner = &rim[2..rim.len() - 1];
-        if inner.iter().any(|&b| self.joined(rim[0], b)) {
-            return true;
-        }
-        let all = |&t: &u32| rim.iter().all(|v| self.triangles[t as usize].contains(v));
-        rim.len() == 3 && self.around[rim[0] as usize].iter().any(all)
-    }
-
+impl Patches {
     fn candidate(&self, v: u32) -> Option<Candidate> {
-        let rim = self.rim(v)?;
-        let star: Point = self.around[v as usize]
-            .iter()
-            .map(|&t| normal(&self.positions, self.triangles[t as usize]))
-            .fold([0.0; 3], |s, n| [s[0] + n[0], s[1] + n[1], s[2] + n[2]]);
+        let rim = self.surgery.rim(v)?;
+        let star = self.surgery.star_normal(v);
         let mut best: Option<Candidate> = None;
         for k in 0..rim.len() {
-            let turned = [&rim[k..], &rim[..k]].concat();
-            let apex = turned[0];
-            let cost = self.quadrics[v as usize].at(self.positions[apex as usize]);
-            if best.as_ref().is_some_and(|b| b.cost <= cost) {
+            let cheapest = best.as_ref().map_or(f64::INFINITY, |b| b.cost);
+            if cheapest <= self.surgery.cost(v, rim[k]) {
                 continue;
             }
-            let fits = turned[1..].windows(2).all(|w| {
-                let n = normal(&self.positions, [apex, w[0], w[1]]);
-                let (size, turn) = ((dot(n, n) * dot(star, star)).sqrt(), dot(n, star));
-                turn > TURN_COSINE * size && size > 0.0
-            });
-            if fits && !self.repeats(&turned) {
-                best = Some(Candidate { cost, vertex: v, apex, rim: turned });
+            let turned = [&rim[k..], &rim[..k]].concat();
+            if let Some(cost) = self.surgery.price(v, &turned, star).filter(|&cost| cost < cheapest) {
+                best = Some(Candidate { cost, vertex: v, apex: rim[k], rim: turned });
             }
         }
         best
@@ -190,8 +95,8 @@ impl Surgery {
         let mut taken = [false; 4];
         for k in 0..c.rim.len() {
             let (a, b) = (c.rim[k], c.rim[(k + 1) % c.rim.len()]);
-            for &t in &self.around[a as usize] {
-                if self.triangles[t as usize].contains(&b) {
+            for &t in &self.surgery.around[a as usize] {
+                if self.surgery.triangles[t as usize].contains(&b) {
                     taken[self.color[t as usize] as usize] = true;
                 }
             }
@@ -202,11 +107,15 @@ impl Surgery {
     /// Removes an independent set of at most `most` vertices.
     fn level(&mut self, most: usize) -> Vec<Removed> {
         self.color.fill(0);
-        let mut candidates: Vec<Option<Candidate>> = Vec::with_capacity(self.positions.len());
-        for v in 0..self.positions.len() as u32 {
-            candidates.push(if self.gone[v as usize] || self.kept[v as usize] { None } else { self.candidate(v) });
+        let mut candidates: Vec<Option<Candidate>> = Vec::with_capacity(self.surgery.positions.len());
+        for v in 0..self.surgery.positions.len() as u32 {
+            candidates.push(if self.surgery.gone[v as usize] || self.surgery.kept[v as usize] {
+                None
+            } else {
+                self.candidate(v)
+            });
         }
-        let mut blocked = vec![false; self.positions.len()];
+        let mut blocked = vec![false; self.surgery.positions.len()];
         let mut queue = BinaryHeap::new();
         let key = |c: &Candidate, blocked: &[bool]| {
             let beside = c.rim.iter().filter(|&&v| blocked[v as usize]).count() as f64 / c.rim.len() as f64;
@@ -223,16 +132,19 @@ impl Surgery {
             let current = candidates[v as usize].as_ref().is_some_and(|c| key(c, &blocked).0 == at);
             let Some(c) = candidates[v as usize].take_if(|_| current) else { continue };
             // What was removed since may have made an edge that this fan would repeat.
-            if blocked[v as usize] || self.repeats(&c.rim) {
+            if blocked[v as usize] || self.surgery.repeats(&c.rim) {
                 continue;
             }
             let Some(color) = self.free_color(&c) else { continue };
             let fresh: Vec<u32> = c.rim.iter().copied().filter(|&u| !blocked[u as usize]).collect();
             fresh.iter().for_each(|&u| blocked[u as usize] = true);
-            removed.push(self.remove(c, color));
+            let made = self.surgery.remove(c.vertex, &c.rim, c.cost);
+            self.color.resize(made, 0);
+            self.color.resize(self.surgery.triangles.len(), color);
+            removed.push(Removed { vertex: c.vertex, apex: c.apex, chain: c.rim[1..].to_vec(), color });
             for u in fresh {
-                for &t in &self.around[u as usize] {
-                    for w in self.triangles[t as usize] {
+                for &t in &self.surgery.around[u as usize] {
+                    for w in self.surgery.triangles[t as usize] {
                         if let Some(c) = candidates[w as usize].as_ref().filter(|_| !blocked[w as usize]) {
                             queue.push(key(c, &blocked));
                         }
@@ -241,31 +153,5 @@ impl Surgery {
             }
         }
         removed
-    }
-
-    fn remove(&mut self, c: Candidate, color: u8) -> Removed {
-        self.gone[c.vertex as usize] = true;
-        for t in std::mem::take(&mut self.around[c.vertex as usize]) {
-            self.alive[t as usize] = false;
-            for v in self.triangles[t as usize] {
-                self.around[v as usize].retain(|&x| x != t);
-            }
-        }
-        for w in c.rim[1..].windows(2) {
-            self.add([c.apex, w[0], w[1]], color);
-        }
-        let own = self.quadrics[c.vertex as usize];
-        if own.weight > 0.0 {
-            self.error = self.error.max(c.cost / own.weight);
-        }
-        self.quadrics[c.apex as usize].add(&own);
-        Removed { vertex: c.vertex, apex: c.apex, chain: c.rim[1..].to_vec(), color }
-    }
-    fn add(&mut self, triangle: [u32; 3], color: u8) {
-        let t = self.triangles.len() as u32;
-        self.triangles.push(triangle);
-        self.alive.push(true);
-        self.color.push(color);
-        triangle.iter().for_each(|&v| self.around[v as usize].push(t));
     }
 }

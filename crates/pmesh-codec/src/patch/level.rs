@@ -4,10 +4,12 @@
 //! there (never where no fan would come of it), else whether it begins one. That is what colours say, without their names:
 //! which of three colours a patch has costs more than a bit a vertex and tells a decoder nothing.
 
-use super::rows::{RowModel, Rows};
-use super::surface::{CanonicalOrder, Fan, NONE, Surface};
-use crate::range::{Chance, Coder, INPUTS, Mixer};
-use pmesh_core::CornerMove;
+use crate::range::{Coder, RangeDecoder};
+use crate::refine::Levels;
+use crate::refine::question::{CLASSES, Question};
+use crate::refine::rows::{RowModel, Rows};
+use crate::refine::surface::{CanonicalOrder, Fan, NONE, Surface, next, previous};
+use pmesh_core::{CornerMove, Level};
 
 /// What is known of a triangle.
 #[derive(Clone, Copy, PartialEq)]
@@ -16,32 +18,6 @@ enum Membership {
     /// In no patch.
     Outside,
     Inside,
-}
-
-/// Values of a context: sizes of patches, valences and areas are told apart up to there.
-const CLASSES: usize = 8;
-/// Three classes make a context.
-const CONTEXTS: usize = CLASSES * CLASSES * CLASSES;
-
-/// Chances of a yes or no by six contexts, mixed.
-struct Question {
-    mixers: [Mixer; CLASSES],
-    /// By context, for each input of the mixer.
-    chances: [Vec<Chance>; INPUTS],
-}
-
-impl Question {
-    fn new() -> Self {
-        let chances = std::array::from_fn(|_| vec![Chance::default(); CONTEXTS]);
-        Self { mixers: std::array::from_fn(|_| Mixer::default()), chances }
-    }
-    /// Each context is three classes below [`CLASSES`]; `weights` chooses the mixer.
-    fn code(&mut self, coder: &mut impl Coder, weights: usize, contexts: [[usize; 3]; INPUTS], bit: bool) -> bool {
-        let index = |[a, b, c]: [usize; 3]| (a.min(CLASSES - 1) * CLASSES + b.min(CLASSES - 1)) * CLASSES + c.min(CLASSES - 1);
-        let mut at = contexts.into_iter().map(index);
-        let chances = self.chances.each_mut().map(|part| &mut part[at.next().unwrap_or(0)]);
-        coder.mixed(&mut self.mixers[weights.min(CLASSES - 1)], chances, bit)
-    }
 }
 
 /// Chances that go on learning from level to level.
@@ -350,6 +326,42 @@ impl LevelCoder {
     }
 }
 
+/// The decoder's side: a model that outlives levels, and the level that is being decoded.
+#[derive(Default)]
+pub(super) struct PatchLevels {
+    model: Option<LevelModel>,
+    level: Option<Box<LevelCoder>>,
+}
+
+impl Levels for PatchLevels {
+    fn begin(&mut self, bytes: &mut Vec<u8>, new_vertices: u32, width: usize) -> bool {
+        if bytes.first().is_none_or(|&outer| outer > 16) {
+            return false;
+        }
+        self.model.get_or_insert_with(|| LevelModel::new(width));
+        self.level = Some(Box::new(LevelCoder::new(new_vertices, i64::from(bytes.remove(0)))));
+        true
+    }
+    fn step(
+        &mut self,
+        coder: &mut RangeDecoder,
+        surface: &mut Surface,
+        rows: &mut Rows,
+        limit: usize,
+        part: &mut Level,
+    ) -> Result<bool, &'static str> {
+        let (Some(level), Some(model)) = (&mut self.level, &mut self.model) else { return Ok(true) };
+        let mut inserted = Vec::new();
+        let done = level.step(coder, model, (surface, rows), None, limit, &mut inserted)?;
+        for i in inserted {
+            part.representatives.push((i.vertex, i.apex));
+            part.corner_moves.extend(i.corner_moves);
+            part.triangles.extend(i.triangles);
+        }
+        Ok(done)
+    }
+}
+
 fn root(regions: &mut [Region], mut t: u32) -> u32 {
     while regions[t as usize].parent != t {
         let up = regions[t as usize].parent;
@@ -366,12 +378,12 @@ pub(super) fn predict(surface: &Surface, rows: &Rows, fan: &Fan, outer: i64) -> 
     let count = fan.chain.len() as i64 + 1;
     let first = fan.corners[0];
     let last = fan.corners[fan.corners.len() - 1];
-    let edges = std::iter::once(first).chain(fan.corners.iter().map(|&c| super::surface::next(c)));
-    let edges = edges.chain(std::iter::once(super::surface::previous(last)));
+    let edges = std::iter::once(first).chain(fan.corners.iter().map(|&c| next(c)));
+    let edges = edges.chain(std::iter::once(previous(last)));
     let beyond: Vec<u32> = edges
         .filter_map(|c| match surface.across[c as usize] {
             NONE => None,
-            other => Some(surface.vertex(super::surface::previous(other))),
+            other => Some(surface.vertex(previous(other))),
         })
         .collect();
     let mut scale = 0;

@@ -40,6 +40,8 @@ pub enum Container {
     Pmesh,
     /// `.pits`, patch-coloured.
     Patches,
+    /// `.pfs`, forest splits.
+    Forest,
 }
 
 impl Container {
@@ -47,18 +49,21 @@ impl Container {
         match self {
             Container::Pmesh => SIGNATURE,
             Container::Patches => crate::patch::SIGNATURE,
+            Container::Forest => crate::split::SIGNATURE,
         }
     }
     fn extension(self) -> &'static str {
         match self {
             Container::Pmesh => ".pmesh",
             Container::Patches => ".pits",
+            Container::Forest => ".pfs",
         }
     }
     fn format(self) -> &'static str {
         match self {
             Container::Pmesh => "pmesh 0",
             Container::Patches => "patch-coloured (FC01), pits 0",
+            Container::Forest => "forest splits (A.31), pfs 0",
         }
     }
 }
@@ -145,7 +150,8 @@ impl Header {
             return Err(DecodeError::Checksum { place: Place::Byte(0), what: "the header".into() });
         }
         let mut reader = Reader { rest: &body[PREAMBLE_BYTES..] };
-        let container = if body.starts_with(&crate::patch::SIGNATURE) { Container::Patches } else { Container::Pmesh };
+        let kinds = [Container::Patches, Container::Forest];
+        let container = kinds.into_iter().find(|c| body.starts_with(&c.signature())).unwrap_or_default();
         let parsed = Self::parse(&mut reader, container).and_then(|h| match reader.rest {
             [] => Ok(h),
             _ => Err(ReadError::Bad("the header is longer than its fields")),

@@ -5,7 +5,7 @@
 use super::prog::{joined, mean};
 use crate::EncodeError;
 use crate::patch::PatchStream;
-use crate::patch::surface::{CanonicalOrder, Fan, NONE, Surface};
+use crate::refine::surface::{CanonicalOrder, Fan, NONE, Surface};
 use pmesh_core::Vertices;
 use std::io::Write;
 

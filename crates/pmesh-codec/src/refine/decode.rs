@@ -1,10 +1,9 @@
 //! Blocks to levels. A block is decoded once it is whole, in steps that [`Decoder::work`] takes.
 
 use super::base::BaseCoder;
-use super::item_limit;
-use super::level::{LevelCoder, LevelModel};
 use super::rows::Rows;
 use super::surface::{Surface, SurfaceBuilder};
+use super::{Levels, item_limit};
 use crate::pmesh::channels::Channels;
 use crate::pmesh::header::{BlockKind, Container, Header, PREAMBLE_BYTES};
 use crate::pmesh::texture_of;
@@ -21,14 +20,15 @@ const OVERRUN: usize = 16;
 /// A block that is being decoded.
 enum Job {
     Base(RangeDecoder, Box<BaseCoder>, usize),
-    Level(RangeDecoder, Box<LevelCoder>),
+    Level(RangeDecoder),
     /// The base is there; what lies across its edges is being found.
     Surface(Box<SurfaceBuilder>),
 }
 
-/// Push decoder of `.pits`.
-#[derive(Default)]
-pub struct PatchDecoder {
+/// Push decoder of a base and refinements of it.
+pub struct RefinementDecoder {
+    container: Container,
+    levels_of: Box<dyn Levels>,
     head: Vec<u8>,
     header: Option<Header>,
     /// Bytes that wait for their block to be whole or for the one before to be decoded.
@@ -38,7 +38,6 @@ pub struct PatchDecoder {
     channels: Channels,
     surface: Surface,
     rows: Rows,
-    model: Option<LevelModel>,
     emitted_rows: u32,
     levels: u32,
     offset: u64,
@@ -48,16 +47,33 @@ pub struct PatchDecoder {
     events: VecDeque<Event>,
 }
 
-impl PatchDecoder {
-    /// A decoder at the first byte.
-    pub fn new() -> Self {
-        Self::default()
+impl RefinementDecoder {
+    pub(crate) fn new(container: Container, levels_of: Box<dyn Levels>) -> Self {
+        Self {
+            container,
+            levels_of,
+            head: Vec::new(),
+            header: None,
+            pending: VecDeque::new(),
+            block: 0,
+            job: None,
+            channels: Channels::default(),
+            surface: Surface::default(),
+            rows: Rows::default(),
+            emitted_rows: 0,
+            levels: 0,
+            offset: 0,
+            base: (0, 0),
+            level_bytes: 0,
+            failed: false,
+            events: VecDeque::new(),
+        }
     }
 
     fn read_header(&mut self, bytes: &[u8]) -> Result<usize, DecodeError> {
         let want = match self.head.first_chunk::<PREAMBLE_BYTES>() {
             None => PREAMBLE_BYTES,
-            Some(preamble) => Header::byte_count(preamble, Container::Patches)?,
+            Some(preamble) => Header::byte_count(preamble, self.container)?,
         };
         let taken = (want - self.head.len()).min(bytes.len());
         self.head.extend_from_slice(&bytes[..taken]);
@@ -116,13 +132,11 @@ impl PatchDecoder {
             Job::Base(RangeDecoder::new(bytes), Box::new(base), 0)
         } else {
             self.level_bytes += u64::from(block.byte_count);
-            if block.new_triangles != 2 * u64::from(block.new_vertices).min(1 << 30) as u32
-                || bytes.first().is_none_or(|&o| o > 16)
-            {
-                return Err(DecodeError::syntax(place, format!("block {} is no level of patches", self.block)));
+            let doubled = block.new_triangles == 2 * u64::from(block.new_vertices).min(1 << 30) as u32;
+            if !doubled || !self.levels_of.begin(&mut bytes, block.new_vertices, self.rows.width) {
+                return Err(DecodeError::syntax(place, format!("block {} is no level that refines the one before", self.block)));
             }
-            let outer = i64::from(bytes.remove(0));
-            Job::Level(RangeDecoder::new(bytes), Box::new(LevelCoder::new(block.new_vertices, outer)))
+            Job::Level(RangeDecoder::new(bytes))
         });
         Ok(true)
     }
@@ -152,16 +166,8 @@ impl PatchDecoder {
                 }
                 (done, coder.overrun())
             }
-            Job::Level(coder, level) => {
-                let mut inserted = Vec::new();
-                let width = self.rows.width;
-                let model = self.model.get_or_insert_with(|| LevelModel::new(width));
-                let done = level.step(coder, model, (&mut self.surface, &mut self.rows), None, STEP, &mut inserted)?;
-                for i in inserted {
-                    part.representatives.push((i.vertex, i.apex));
-                    part.corner_moves.extend(i.corner_moves);
-                    part.triangles.extend(i.triangles);
-                }
+            Job::Level(coder) => {
+                let done = self.levels_of.step(coder, &mut self.surface, &mut self.rows, STEP, &mut part)?;
                 (done, coder.overrun())
             }
         };
@@ -185,7 +191,7 @@ impl PatchDecoder {
     }
 }
 
-impl Decoder for PatchDecoder {
+impl Decoder for RefinementDecoder {
     fn push(&mut self, mut bytes: &[u8]) -> Result<(), DecodeError> {
         if self.failed {
             return Err(DecodeError::Stopped);

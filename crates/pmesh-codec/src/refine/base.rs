@@ -30,12 +30,12 @@ const ACROSS: [Across; 8] = {
 };
 
 /// What the encoder knows and the decoder is told.
-pub(super) struct BaseTruth<'a> {
+pub(crate) struct BaseTruth<'a> {
     /// Rows of the vertices, in the encoder's numbering.
-    pub(super) rows: &'a Rows,
-    pub(super) triangles: &'a [[u32; 3]],
+    pub(crate) rows: &'a Rows,
+    pub(crate) triangles: &'a [[u32; 3]],
     /// Seams: the vertex whose position a vertex shares, or [`NONE`].
-    pub(super) position_of: &'a [u32],
+    pub(crate) position_of: &'a [u32],
     /// Triangles by directed edge, last ones first.
     edges: HashMap<(u32, u32), Vec<u32>>,
     taken: Vec<bool>,
@@ -44,13 +44,13 @@ pub(super) struct BaseTruth<'a> {
     /// First coded vertex at each position, by the vertex that stands for the position.
     first_at: HashMap<u32, u32>,
     /// The coder's number of each vertex, or [`NONE`]; and the encoder's number of each coded one.
-    pub(super) coded: Vec<u32>,
-    pub(super) vertex_order: Vec<u32>,
-    pub(super) triangle_order: Vec<u32>,
+    pub(crate) coded: Vec<u32>,
+    pub(crate) vertex_order: Vec<u32>,
+    pub(crate) triangle_order: Vec<u32>,
 }
 
 impl<'a> BaseTruth<'a> {
-    pub(super) fn new(rows: &'a Rows, triangles: &'a [[u32; 3]], position_of: &'a [u32]) -> Self {
+    pub(crate) fn new(rows: &'a Rows, triangles: &'a [[u32; 3]], position_of: &'a [u32]) -> Self {
         let mut edges: HashMap<(u32, u32), Vec<u32>> = HashMap::with_capacity(triangles.len() * 3);
         for (i, t) in triangles.iter().enumerate().rev() {
             (0..3).for_each(|k| edges.entry((t[k], t[(k + 1) % 3])).or_default().push(i as u32));
@@ -87,6 +87,11 @@ impl<'a> BaseTruth<'a> {
         let k = (0..3).find(|&k| triangle[k] == a && triangle[(k + 1) % 3] == b)?;
         Some(triangle[(k + 2) % 3])
     }
+    /// Says that `v` has been coded, as number `coded`.
+    pub(crate) fn know(&mut self, v: u32, coded: u32) {
+        self.coded[v as usize] = coded;
+        self.first_at.entry(self.position(v)).or_insert(coded);
+    }
     fn position(&self, v: u32) -> u32 {
         match self.position_of[v as usize] {
             NONE => v,
@@ -118,12 +123,12 @@ impl<'a> BaseTruth<'a> {
 }
 
 /// The coder of either direction, in steps.
-pub(super) struct BaseCoder {
+pub(crate) struct BaseCoder {
     vertex_total: u32,
     triangle_total: u32,
-    pub(super) triangles: Vec<[u32; 3]>,
+    pub(crate) triangles: Vec<[u32; 3]>,
     /// Seams: (vertex, earlier vertex at the same position).
-    pub(super) seams: Vec<(u32, u32)>,
+    pub(crate) seams: Vec<(u32, u32)>,
     has_seams: bool,
     /// Open edges that wait to be looked at: a, b, and the vertex opposite in the triangle that has them.
     queue: VecDeque<(u32, u32, u32)>,
@@ -142,7 +147,7 @@ pub(super) struct BaseCoder {
 }
 
 impl BaseCoder {
-    pub(super) fn new(vertex_total: u32, triangle_total: u32, width: usize, has_seams: bool) -> Self {
+    pub(crate) fn new(vertex_total: u32, triangle_total: u32, width: usize, has_seams: bool) -> Self {
         Self {
             vertex_total,
             triangle_total,
@@ -164,7 +169,7 @@ impl BaseCoder {
     }
 
     /// Codes about `limit` more triangles or vertices; true once the mesh is whole.
-    pub(super) fn step(
+    pub(crate) fn step(
         &mut self,
         coder: &mut impl Coder,
         rows: &mut Rows,
@@ -305,8 +310,7 @@ impl BaseCoder {
             return Err("a seam between different positions");
         }
         if let Some((t, w)) = truth.zip(wanted) {
-            t.coded[w as usize] = v;
-            t.first_at.entry(t.position(w)).or_insert(v);
+            t.know(w, v);
             t.vertex_order.push(w);
         }
         self.into.push(Vec::new());

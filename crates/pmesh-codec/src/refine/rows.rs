@@ -7,37 +7,37 @@ const SCALES: usize = 24;
 
 /// Rows of all vertices so far: position first, then attributes.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Rows {
-    pub(super) width: usize,
-    pub(super) values: Vec<i32>,
+pub(crate) struct Rows {
+    pub(crate) width: usize,
+    pub(crate) values: Vec<i32>,
 }
 
 impl Rows {
-    pub(super) fn count(&self) -> u32 {
+    pub(crate) fn count(&self) -> u32 {
         (self.values.len() / self.width.max(1)) as u32
     }
-    pub(super) fn row(&self, v: u32) -> &[i32] {
+    pub(crate) fn row(&self, v: u32) -> &[i32] {
         &self.values[v as usize * self.width..][..self.width]
     }
     #[inline(always)]
-    pub(super) fn value(&self, v: u32, k: usize) -> i64 {
+    pub(crate) fn value(&self, v: u32, k: usize) -> i64 {
         i64::from(self.values[v as usize * self.width + k])
     }
 }
 
 /// Chances of residuals: those of positions by the size of the neighbourhood, those of attributes by channel.
-pub(super) struct RowModel {
+pub(crate) struct RowModel {
     positions: Vec<SignedModel>,
     attributes: Vec<SignedModel>,
 }
 
 impl RowModel {
-    pub(super) fn new(width: usize) -> Self {
+    pub(crate) fn new(width: usize) -> Self {
         let models = |n: usize| (0..n).map(|_| SignedModel::default()).collect();
         Self { positions: models(SCALES), attributes: models(width.saturating_sub(3)) }
     }
     /// Codes a row against `predicted` and appends it. `scale` is about the length of an edge there, in steps of the grid.
-    pub(super) fn code(&mut self, coder: &mut impl Coder, rows: &mut Rows, truth: Option<&[i32]>, predicted: &[i64], scale: i64) {
+    pub(crate) fn code(&mut self, coder: &mut impl Coder, rows: &mut Rows, truth: Option<&[i32]>, predicted: &[i64], scale: i64) {
         let class = (64 - scale.max(0).leading_zeros() as usize).min(SCALES - 1);
         for (k, &p) in predicted.iter().enumerate() {
             let model = if k < 3 { &mut self.positions[class] } else { &mut self.attributes[k - 3] };

@@ -1,0 +1,38 @@
+//! What streams of a base mesh and refinements of its surface have in common: patches (FC01) and forest splits (A.31).
+//!
+//! The container is `.pmesh`'s ([`crate::pmesh::header`]) with another signature; each block is a level, entropy-coded. The
+//! base has a single-rate coder ([`base`]); how a level is coded is its own format's business ([`Levels`]). Encoder and decoder
+//! refine the same [`surface`], so that both number everything alike.
+
+pub(crate) mod base;
+pub(crate) mod decode;
+pub(crate) mod encode;
+pub(crate) mod question;
+pub(crate) mod rows;
+pub mod surface;
+
+use crate::range::RangeDecoder;
+use pmesh_core::Level;
+use rows::Rows;
+use surface::Surface;
+
+/// Most vertices and triangles that a block of `bytes` may announce. Real ones have one or two a byte.
+pub(crate) fn item_limit(bytes: u32) -> u64 {
+    (u64::from(bytes) + 64) * 64
+}
+
+/// How the levels after the base are coded.
+pub(crate) trait Levels: Send {
+    /// Begins a level of `new_vertices` and takes its parameters off the front of `bytes`; false if it is none.
+    fn begin(&mut self, bytes: &mut Vec<u8>, new_vertices: u32, width: usize) -> bool;
+    /// Goes on by about `limit` triangles or vertices; true once the level is whole. `part` gets what it brings, vertices
+    /// left out: those are `rows`.
+    fn step(
+        &mut self,
+        coder: &mut RangeDecoder,
+        surface: &mut Surface,
+        rows: &mut Rows,
+        limit: usize,
+        part: &mut Level,
+    ) -> Result<bool, &'static str>;
+}
