@@ -16,6 +16,8 @@ fn object(kind: &str) -> Object {
 pub(crate) fn event(arrival: &Arrival, mesh: &ProgressiveMultilevelMesh, info: Option<&StreamInfo>) -> Option<JsValue> {
     let out = match arrival {
         Arrival::Part(_) => return None,
+        Arrival::Texture(parts) if parts.mime == pmesh_codec::wavelet::MIME => return None,
+        Arrival::Picture => object("picture"),
         Arrival::Info(info) => {
             let out = object("info");
             set(&out, "info", self::info(info));

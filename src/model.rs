@@ -6,10 +6,12 @@ use crate::camera::Orbit;
 use crate::error::{decode_error, error, mesh_error};
 use crate::events;
 use js_sys::{Array, Object};
+use pmesh_codec::wavelet::Picture;
 use pmesh_codec::{Arrival, DecodeError, LevelEntry, Receiver};
 use pmesh_core::{Change, MeshError, ProgressiveMultilevelMesh};
 use std::cell::{Cell, Ref, RefCell, RefMut};
 use std::rc::Rc;
+use std::sync::Arc;
 use wasm_bindgen::prelude::*;
 
 #[wasm_bindgen(typescript_custom_section)]
@@ -53,7 +55,7 @@ export interface LevelReady {
 }
 export type ModelEvent = LevelReady | { type: "info"; info: StreamInfo }
   | { type: "texture"; mime: string; bytes: Uint8Array } | { type: "warning"; text: string }
-  | { type: "elsewhere"; urls: string[] };
+  | { type: "elsewhere"; urls: string[] } | { type: "picture" };
 /** Where the model is seen from. */
 export interface ViewOptions {
   /** Size in device pixels. */
@@ -156,7 +158,7 @@ impl State {
                     let change = std::mem::take(change);
                     self.take_change(change);
                 }
-                Arrival::Info(_) | Arrival::Texture(_) | Arrival::Warning(_) | Arrival::Elsewhere(_) => {}
+                Arrival::Info(_) | Arrival::Texture(_) | Arrival::Picture | Arrival::Warning(_) | Arrival::Elsewhere(_) => {}
             }
             out.extend(events::event(&arrival, self.receiver.mesh(), self.receiver.info()));
         }
@@ -178,6 +180,10 @@ impl State {
         self.receiver.finish()?;
         self.finished = true;
         Ok(())
+    }
+    /// The base-colour image as sharp as the stream has made it, and how many times it did.
+    pub(crate) fn picture(&self) -> (&Arc<Picture>, u32) {
+        self.receiver.picture()
     }
     pub(crate) fn bytes(&self) -> u64 {
         self.receiver.bytes()

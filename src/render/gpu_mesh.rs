@@ -4,7 +4,7 @@
 //! level is *ready* once all of it is here, normals included. Uploading early is harmless, since a prefix does not see past
 //! itself. Textures double, their texels copied by the GPU.
 
-use super::image::ImageUpload;
+use super::image::{ImageUpload, fitting};
 use super::index_chunks::{IndexChunks, Primitive};
 use super::pipelines::Pipelines;
 use crate::error::error;
@@ -57,6 +57,8 @@ pub(super) struct GpuMesh {
     links: JumpForest,
     image: Option<wgpu::TextureView>,
     image_upload: Option<ImageUpload>,
+    /// Which of the stream's pictures is here or on its way.
+    picture: u32,
     faces: IndexChunks,
     /// Kept from the first time that edges are drawn.
     lines: Option<IndexChunks>,
@@ -89,6 +91,7 @@ impl GpuMesh {
             links: JumpForest::default(),
             image: None,
             image_upload: None,
+            picture: 0,
             faces: IndexChunks::new(Primitive::Faces),
             lines: None,
             uploaded_vertices: 0,
@@ -179,6 +182,12 @@ impl GpuMesh {
                 self.bind(up.device, up.pipelines);
             }
             return Ok(Some(bytes));
+        }
+        let (picture, version) = state.picture();
+        if version > self.picture {
+            self.picture = version;
+            self.image_upload = Some(ImageUpload::new(up.device, fitting(picture, up.texture_side)));
+            return Ok(Some(0));
         }
         if wireframe {
             let lines = self.lines.get_or_insert_with(|| IndexChunks::new(Primitive::Lines));

@@ -15,8 +15,10 @@ use crate::shader::{self, Uniforms};
 use gpu_mesh::{GpuMesh, Uploader};
 use image::ImageUpload;
 use pipelines::Pipelines;
+use pmesh_codec::wavelet::Picture;
 use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
+use std::sync::Arc;
 use targets::Targets;
 use wasm_bindgen::prelude::*;
 
@@ -159,7 +161,7 @@ impl Renderer {
         }
         let mut meshes = self.meshes.borrow_mut();
         let mesh = meshes.entry(model.id).or_insert_with(|| GpuMesh::new(&self.device));
-        mesh.set_image(ImageUpload::new(&self.device, width, height, pixels));
+        mesh.set_image(ImageUpload::new(&self.device, Arc::new(Picture { width, height, pixels })));
         Ok(())
     }
 

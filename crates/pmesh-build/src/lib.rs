@@ -8,6 +8,7 @@
 //! |---|---|---|
 //! | quadric edge collapse, cut where counts grow by a factor | [`simplify`], [`pipeline`] | A.2, D.9 |
 //! | an ordered list of collapses, by the exact rule | [`rule`] | A.7, A.8, D.2–D.5, D.10 |
+//! | independent sets of vertices, forests of collapses (streams of their own) | [`simplify`] | C.3–C.5, A.31 |
 //! | vertex clusterings, topology-changing ones too | [`cluster`] | A.25 |
 
 pub mod arrange;
@@ -16,6 +17,7 @@ pub mod compare;
 mod error;
 pub mod import;
 pub mod measure;
+pub mod picture;
 pub mod pipeline;
 pub mod rule;
 pub mod sample;

@@ -2,6 +2,7 @@
 
 use crate::error::{CliError, Result};
 use crate::{input, output};
+use pmesh_build::picture;
 use std::path::PathBuf;
 
 /// Decode a stream to a mesh: its finest level, any other, or what the first bytes give
@@ -50,13 +51,17 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
         None => mesh.finest_mesh(),
         Some(x) => mesh.mesh_at(x)?,
     };
-    if stream.texture.is_some() {
-        eprintln!(
-            "warning: {}: .ply and .obj carry no image; texture coordinates are written, the image is not",
-            args.output.display()
-        );
-    }
     output::write(&args.output, &out)?;
+    if let Some(texture) = &stream.texture {
+        // Beside the mesh, which names none: .ply cannot, .obj only by a third file.
+        let (ending, bytes) = picture::to_file(texture).map_err(CliError::build(&args.input))?;
+        let stem = args.output.file_stem().unwrap_or_default().to_string_lossy();
+        let path = args.output.with_file_name(format!("{stem}-image.{ending}"));
+        output::write_bytes(&path, &bytes)?;
+        if !quiet {
+            output::say(&format!("{}: the base-colour image", path.display()))?;
+        }
+    }
     if !quiet {
         let level = args.level.unwrap_or(mesh.finest_level().into());
         output::say(&format!(

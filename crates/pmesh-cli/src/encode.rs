@@ -7,8 +7,10 @@ use crate::{input, output};
 use clap::ValueEnum;
 use flate2::{Compression, write::GzEncoder};
 use pmesh_build::import::Model;
+use pmesh_build::picture::{self, ImageOption};
 use pmesh_build::pipeline::{BuildOptions, LevelRule, Method, Steps, build};
 use pmesh_build::simplify::{ForestOptions, PatchOptions, Placement, collapse_forests, remove_patches};
+use pmesh_codec::Texture;
 use pmesh_codec::patch::{self, PatchStream};
 use pmesh_codec::pmesh::{EncodeOptions, LevelStream, quantise};
 use pmesh_codec::scene::{self, Encoding};
@@ -59,9 +61,29 @@ pub struct How {
     /// A file a level (name-0.pits, name-1.pits …) and a scene (-o name.wrl, .x3dv or .x3d) that names them in levelsUrl
     #[arg(long)]
     split_levels: bool,
+    /// The base-colour image: "wavelet" sharpens as it comes, a PNG bit for bit, a JPEG in as many bytes as it has; "lossless", bit
+    /// for bit whatever it was; a size such as 30k; or "keep", the file as it is, which shows once it is whole [default: wavelet]
+    #[arg(long, value_parser = parse_image)]
+    image: Option<ImageOption>,
     /// Text format only: GV97's Surface Partition layout, all representatives after the coarsest level
     #[arg(long)]
     surface_partition: bool,
+}
+
+fn parse_image(text: &str) -> std::result::Result<ImageOption, String> {
+    let bytes = || {
+        let (digits, factor) = match text.strip_suffix(['k', 'K']) {
+            Some(digits) => (digits, 1000),
+            None => (text, 1),
+        };
+        digits.parse::<usize>().ok().and_then(|n| n.checked_mul(factor)).filter(|&n| n > 0)
+    };
+    match text {
+        "wavelet" => Ok(ImageOption::Wavelet),
+        "lossless" => Ok(ImageOption::Lossless),
+        "keep" => Ok(ImageOption::Keep),
+        _ => bytes().map(ImageOption::Bytes).ok_or_else(|| "wavelet, lossless, keep, or a number of bytes such as 30k".into()),
+    }
 }
 
 /// Bits a coordinate.
@@ -139,6 +161,7 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
         // A .pmesh has no table for a level a vertex: it gets levels of its own.
         if kind != Stream::Pmesh || stream.levels.len() < 64 {
             args.how.warn_of_kept_levels(&args.input);
+            let stream = LevelStream { texture: image(stream.texture, &args.input, &args.how)?, ..stream };
             return write_stream(stream, &args.output, &args.how, quiet);
         }
     }
@@ -327,11 +350,25 @@ impl How {
 }
 
 /// Encodes `model` as the stream that `output` names, as `how` says.
-pub fn encode_model(model: Model, input: &Path, output: &Path, how: &How, quiet: bool) -> Result<()> {
+pub fn encode_model(mut model: Model, input: &Path, output: &Path, how: &How, quiet: bool) -> Result<()> {
+    model.texture = image(model.texture, input, how)?;
     match Stream::of(output, how)? {
         Stream::Patch | Stream::Split | Stream::Nodes => write_refinements(model, input, output, how, quiet),
         kind => write_stream(simplified(&model, input, how, kind, quiet)?, output, how, quiet),
     }
+}
+
+/// The base-colour image as it is asked for.
+fn image(texture: Option<Texture>, path: &Path, how: &How) -> Result<Option<Texture>> {
+    let Some(texture) = texture else {
+        if how.image.is_some() {
+            eprintln!("warning: {}: it has no base-colour image; --image has no effect", path.display());
+        }
+        return Ok(None);
+    };
+    let (texture, warning) = picture::convert(texture, how.image.unwrap_or_default()).map_err(CliError::build(path))?;
+    warning.into_iter().for_each(|w| eprintln!("warning: {}: {w}", path.display()));
+    Ok(Some(texture))
 }
 
 fn simplified(model: &Model, path: &Path, how: &How, kind: Stream, quiet: bool) -> Result<LevelStream> {

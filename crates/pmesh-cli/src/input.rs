@@ -77,10 +77,14 @@ fn drain(stream: &mut Stream) {
     while let Some(arrival) = stream.receiver.poll() {
         match arrival {
             Arrival::Level { bytes, .. } => stream.level_bytes.push(bytes),
-            Arrival::Texture(texture) => stream.texture = Some(texture),
+            Arrival::Texture(texture) => match &mut stream.texture {
+                // Parts of one image.
+                Some(whole) if whole.mime == texture.mime => whole.bytes.extend(texture.bytes),
+                other => *other = Some(texture),
+            },
             Arrival::Warning(text) => stream.warnings.push(text),
             Arrival::Elsewhere(urls) => stream.elsewhere = urls,
-            Arrival::Info(_) | Arrival::Part(_) => {}
+            Arrival::Info(_) | Arrival::Part(_) | Arrival::Picture => {}
         }
     }
 }

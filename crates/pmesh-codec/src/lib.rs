@@ -29,6 +29,7 @@ pub mod scene;
 pub mod slod;
 pub mod split;
 pub mod text;
+pub mod wavelet;
 
 pub use decoder::{Decoder, Event, LevelEntry, StreamInfo, Texture, open};
 pub use error::{DecodeError, EncodeError, Place};

@@ -1,8 +1,10 @@
 //! A decoder and the mesh that it grows: bytes in, levels out.
 
+use crate::wavelet::{self, Picture, PictureDecoder};
 use crate::{DecodeError, Decoder, Event, Place, StreamInfo, Texture};
 use pmesh_core::{Change, ProgressiveMultilevelMesh};
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 /// What a push brought.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,8 +22,10 @@ pub enum Arrival {
         /// Corners that moved as the level ended.
         change: Change,
     },
-    /// The base-colour image.
+    /// The base-colour image, or parts of it ([`wavelet::MIME`]).
     Texture(Texture),
+    /// The picture that parts make is sharper than before: [`Receiver::picture`].
+    Picture,
     /// Something is odd.
     Warning(String),
     /// The model is in other files, one after the other: URLs relative to this one's.
@@ -33,6 +37,7 @@ pub struct Receiver {
     decoder: Box<dyn Decoder + Send>,
     mesh: ProgressiveMultilevelMesh,
     info: Option<StreamInfo>,
+    pictures: PictureDecoder,
     arrivals: VecDeque<Arrival>,
     bytes: u64,
     error: Option<DecodeError>,
@@ -48,7 +53,7 @@ impl Receiver {
     /// Reads with `decoder`; [`Receiver::default`] sniffs.
     pub fn new(decoder: Box<dyn Decoder + Send>) -> Self {
         let mesh = ProgressiveMultilevelMesh::new(Default::default());
-        Self { decoder, mesh, info: None, arrivals: VecDeque::new(), bytes: 0, error: None }
+        Self { decoder, mesh, info: None, pictures: PictureDecoder::default(), arrivals: VecDeque::new(), bytes: 0, error: None }
     }
     /// The mesh so far.
     pub fn mesh(&self) -> &ProgressiveMultilevelMesh {
@@ -69,6 +74,10 @@ impl Receiver {
     /// What the format's own paper counts, for people: (name, value).
     pub fn statistics(&self) -> Vec<(&'static str, String)> {
         self.decoder.statistics()
+    }
+    /// The base-colour image as sharp as its parts make it, and how many times it was made; empty before.
+    pub fn picture(&self) -> (&Arc<Picture>, u32) {
+        self.pictures.picture()
     }
     /// Bytes pushed.
     pub fn bytes(&self) -> u64 {
@@ -93,7 +102,18 @@ impl Receiver {
         let worked = self.decoder.work();
         let more = worked.as_ref().is_ok_and(|&more| more);
         self.after(worked.map(drop))?;
-        Ok(more)
+        if more {
+            return Ok(true);
+        }
+        let before = self.pictures.picture().1;
+        let worked = self.pictures.work();
+        if self.pictures.picture().1 > before {
+            self.arrivals.push_back(Arrival::Picture);
+        }
+        let broken = |what| DecodeError::syntax(Place::Byte(self.bytes), format!("a part of the image: {what}"));
+        let result = worked.map_err(broken);
+        self.after(result.as_ref().map(drop).map_err(Clone::clone))?;
+        result
     }
     /// Takes the next bytes; [`Self::work`] does the rest, in pieces.
     pub fn feed(&mut self, bytes: &[u8]) -> Result<(), DecodeError> {
@@ -141,7 +161,12 @@ impl Receiver {
                     let change = self.mesh.complete_level().map_err(refused)?;
                     Arrival::Level { step: self.mesh.arrived_levels() - 1, bytes: self.bytes, change }
                 }
-                Event::Texture(texture) => Arrival::Texture(texture),
+                Event::Texture(texture) => {
+                    if texture.mime == wavelet::MIME {
+                        wavelet::parts(&texture.bytes).into_iter().for_each(|part| self.pictures.push(part));
+                    }
+                    Arrival::Texture(texture)
+                }
                 Event::Warning(text) => Arrival::Warning(text),
                 Event::Elsewhere(urls) => Arrival::Elsewhere(urls),
             };

@@ -3,6 +3,7 @@
 
 use js_sys::{Error, Function};
 use pmesh_build::import::import;
+use pmesh_build::picture::convert;
 use pmesh_build::pipeline::{BuildOptions, build};
 use pmesh_codec::pmesh::{EncodeOptions, encode as write};
 use wasm_bindgen::prelude::*;
@@ -21,7 +22,12 @@ fn error(message: impl ToString) -> JsValue {
 /// is called with the part done, 0 to 1; `warn` with each thing that cannot be carried. Throws an `Error`.
 #[wasm_bindgen]
 pub fn encode(name: &str, bytes: &[u8], bits: u8, progress: &Function, warn: &Function) -> Result<Vec<u8>, JsValue> {
-    let model = import(name, bytes, &mut |_| None).map_err(error)?;
+    let mut model = import(name, bytes, &mut |_| None).map_err(error)?;
+    if let Some(image) = model.texture.take() {
+        let (image, warning) = convert(image, Default::default()).map_err(error)?;
+        model.texture = Some(image);
+        model.warnings.extend(warning);
+    }
     for warning in &model.warnings {
         warn.call1(&JsValue::NULL, &warning.into())?;
     }

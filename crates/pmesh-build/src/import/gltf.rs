@@ -257,7 +257,7 @@ impl<'a> Scene<'a> {
             for part in &mut parts {
                 if let Some(image) = part.image.take() {
                     if let Entry::Vacant(slot) = decoded.entry(image.index()) {
-                        slot.insert(decode(&self.image_bytes(&image, resolve)?)?);
+                        slot.insert(crate::picture::decode(&self.image_bytes(&image, resolve)?)?);
                     }
                     bake(part, &decoded[&image.index()]);
                 }
@@ -265,15 +265,6 @@ impl<'a> Scene<'a> {
         }
         Ok(Model { mesh: join(parts, texture.is_some()), texture, warnings: self.dropped.into_warnings() })
     }
-}
-
-fn decode(texture: &Texture) -> Result<image::RgbaImage, BuildError> {
-    let mut reader =
-        image::ImageReader::new(std::io::Cursor::new(&texture.bytes)).with_guessed_format().map_err(|e| file(e.to_string()))?;
-    let mut limits = image::Limits::default();
-    (limits.max_image_width, limits.max_image_height) = (Some(16_384), Some(16_384));
-    reader.limits(limits);
-    Ok(reader.decode().map_err(|e| file(format!("an image: {e}")))?.to_rgba8())
 }
 
 /// Multiplies vertex colours by the image's colour at each vertex.

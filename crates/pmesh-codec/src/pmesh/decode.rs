@@ -4,8 +4,9 @@ use super::channels::Channels;
 use super::header::{Block, BlockKind, Container, Header, PREAMBLE_BYTES};
 use super::inflate_limit;
 use super::records::Model;
+use super::texture::texture_of;
 use super::varint::{ReadError, Reader};
-use crate::{DecodeError, Decoder, Event, Place, Texture};
+use crate::{DecodeError, Decoder, Event, Place};
 use flate2::{Decompress, FlushDecompress, Status};
 use pmesh_core::Level;
 use std::collections::VecDeque;
@@ -120,7 +121,7 @@ impl PmeshDecoder {
         self.checksum = crc32fast::Hasher::new();
         self.state = match self.header.blocks.get(self.block) {
             None => State::Finished,
-            Some(b) if b.kind == BlockKind::Texture => State::Texture(Vec::new()),
+            Some(b) if b.kind != BlockKind::Level => State::Texture(Vec::new()),
             Some(b) => {
                 self.model.begin_level();
                 State::Level(Box::new(LevelState {
@@ -164,7 +165,7 @@ impl PmeshDecoder {
         let place = Place::Byte(self.offset);
         let what = match block.kind {
             BlockKind::Level => format!("level block {}", self.block),
-            BlockKind::Texture => "the texture".to_string(),
+            BlockKind::Texture | BlockKind::Picture => "the texture".to_string(),
         };
         if std::mem::take(&mut self.checksum).finalize() != block.checksum {
             return Err(DecodeError::Checksum { place, what });
@@ -182,7 +183,7 @@ impl PmeshDecoder {
                 self.events.push_back(Event::LevelEnd);
             }
             State::Texture(seen) => {
-                self.events.push_back(Event::Texture(texture_of(std::mem::take(seen), place)?));
+                self.events.push_back(Event::Texture(texture_of(block.kind, std::mem::take(seen), place)?));
             }
             State::Header(_) | State::Finished => {}
         }
@@ -190,16 +191,6 @@ impl PmeshDecoder {
         self.begin_block();
         Ok(())
     }
-}
-
-/// The image of a texture block.
-pub(crate) fn texture_of(mut block: Vec<u8>, place: Place) -> Result<Texture, DecodeError> {
-    let mime = match block.first() {
-        Some(0) => "image/png",
-        Some(1) => "image/jpeg",
-        _ => return Err(DecodeError::syntax(place, "the texture is neither PNG nor JPEG")),
-    };
-    Ok(Texture { mime: mime.into(), bytes: block.split_off(1) })
 }
 
 impl Decoder for PmeshDecoder {

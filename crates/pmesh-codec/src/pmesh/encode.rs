@@ -45,14 +45,12 @@ pub fn encode(stream: &LevelStream, options: EncodeOptions, out: &mut impl Write
     for (level, &error) in stream.levels.iter().zip(&stream.errors) {
         let payload = deflate(&pack(level, &channels, &mut model, &mut places))?;
         let (v, t) = (level.vertices.len() as u32, level.triangles.len() as u32);
-        blocks.push(Block { new_vertices: v, new_triangles: t, error, ..block(BlockKind::Level, &payload) });
+        let (byte_count, checksum) = (payload.len() as u32, crc32fast::hash(&payload));
+        blocks.push(Block { kind: BlockKind::Level, byte_count, checksum, new_vertices: v, new_triangles: t, error });
         payloads.push(payload);
     }
     if let Some(texture) = &stream.texture {
-        let at = texture_place(&payloads, texture.bytes.len());
-        let payload = [&[mime_code(&texture.mime)?], &texture.bytes[..]].concat();
-        blocks.insert(at, block(BlockKind::Texture, &payload));
-        payloads.insert(at, payload);
+        super::texture::insert(texture, &mut blocks, &mut payloads)?;
     }
     let bounds = pmesh_core::IndexedMesh { vertices: finest, ..Default::default() }.bounds();
     let mut header = Header {
@@ -98,25 +96,6 @@ fn finest_positions(stream: &LevelStream, all: &pmesh_core::Vertices) -> pmesh_c
         }
     }
     finest
-}
-
-/// The texture goes before the first level that is larger than it, and not before the first picture.
-pub(crate) fn texture_place(payloads: &[Vec<u8>], texture_bytes: usize) -> usize {
-    let larger = payloads.iter().position(|p| p.len() > texture_bytes / 2);
-    larger.unwrap_or(payloads.len()).max(1)
-}
-
-pub(crate) fn mime_code(mime: &str) -> Result<u8, EncodeError> {
-    match mime {
-        "image/png" => Ok(0),
-        "image/jpeg" => Ok(1),
-        _ => Err(EncodeError::BadOption { what: "the texture's type", got: mime.into(), expected: "image/png or image/jpeg" }),
-    }
-}
-
-fn block(kind: BlockKind, payload: &[u8]) -> Block {
-    let (byte_count, checksum) = (payload.len() as u32, crc32fast::hash(payload));
-    Block { kind, byte_count, checksum, new_vertices: 0, new_triangles: 0, error: 0.0 }
 }
 
 fn deflate(bytes: &[u8]) -> Result<Vec<u8>, EncodeError> {

@@ -11,8 +11,10 @@ use pmesh_core::AttributeSet;
 pub enum BlockKind {
     /// A level.
     Level,
-    /// The base-colour image.
+    /// The base-colour image, a whole file.
     Texture,
+    /// A part of the base-colour image, or several, as a wavelet picture.
+    Picture,
 }
 
 /// An entry of the table. Blocks follow the header in this order without gaps.
@@ -245,6 +247,7 @@ impl Block {
         let kind = match r.u8()? {
             0 => BlockKind::Level,
             1 => BlockKind::Texture,
+            2 => BlockKind::Picture,
             _ => return Err(ReadError::Bad("unknown kind of block")),
         };
         let byte_count = r.varint()?;

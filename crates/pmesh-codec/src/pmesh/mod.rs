@@ -8,13 +8,12 @@ mod decode;
 mod encode;
 pub mod header;
 mod records;
+pub(crate) mod texture;
 mod varint;
 
 pub use channels::{Quantisation, quantise};
 pub use decode::PmeshDecoder;
-pub(crate) use decode::texture_of;
 pub use encode::{EncodeOptions, LevelStream, encode};
-pub(crate) use encode::{mime_code, texture_place};
 
 /// First eight bytes of the file: not text, not 7-bit, no line ending survives a conversion unseen.
 pub const SIGNATURE: [u8; 8] = [0x89, b'P', b'M', b'S', b'H', 0x0d, 0x0a, 0x1a];

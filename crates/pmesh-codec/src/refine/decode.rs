@@ -6,7 +6,7 @@ use super::surface::{Surface, SurfaceBuilder};
 use super::{Levels, item_limit};
 use crate::pmesh::channels::Channels;
 use crate::pmesh::header::{BlockKind, Container, Header, PREAMBLE_BYTES};
-use crate::pmesh::texture_of;
+use crate::pmesh::texture::texture_of;
 use crate::range::RangeDecoder;
 use crate::{DecodeError, Decoder, Event, Place};
 use pmesh_core::Level;
@@ -115,8 +115,8 @@ impl RefinementDecoder {
         if crc32fast::hash(&bytes) != block.checksum {
             return Err(DecodeError::Checksum { place, what: format!("block {}", self.block) });
         }
-        if block.kind == BlockKind::Texture {
-            self.events.push_back(Event::Texture(texture_of(bytes, place)?));
+        if block.kind != BlockKind::Level {
+            self.events.push_back(Event::Texture(texture_of(block.kind, bytes, place)?));
             self.block += 1;
             return Ok(true);
         }

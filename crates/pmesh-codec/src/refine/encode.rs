@@ -6,7 +6,7 @@ use super::rows::Rows;
 use super::surface::{NONE, Surface};
 use crate::pmesh::channels::{Channels, Quantisation};
 use crate::pmesh::header::{Block, BlockKind, Container, Header};
-use crate::pmesh::{mime_code, texture_place};
+use crate::pmesh::texture;
 use crate::range::Encoder;
 use crate::{EncodeError, Texture};
 use pmesh_core::{IndexedMesh, Vertices};
@@ -134,18 +134,7 @@ impl Writer {
             self.push(payload, (loose.0, 0), Some(&0.0));
         }
         if let Some(texture) = texture {
-            let at = texture_place(&self.payloads, texture.bytes.len());
-            let payload = [&[mime_code(&texture.mime)?], &texture.bytes[..]].concat();
-            let block = Block {
-                kind: BlockKind::Texture,
-                byte_count: payload.len() as u32,
-                checksum: crc32fast::hash(&payload),
-                new_vertices: 0,
-                new_triangles: 0,
-                error: 0.0,
-            };
-            self.header.blocks.insert(at, block);
-            self.payloads.insert(at, payload);
+            texture::insert(texture, &mut self.header.blocks, &mut self.payloads)?;
         }
         if self.header.blocks.len() > crate::pmesh::BLOCK_LIMIT {
             let (got, expected) = (self.header.blocks.len().to_string(), "at most 64 levels, the texture counted");
