@@ -7,6 +7,10 @@ import { openPage, startBrowser, startServer } from "./harness.mjs";
 
 const SCENES = {
   "globe": { src: "/samples/globe.pmesh" },
+  // FC01's Figure 2: what has come after 5, 15 and 30 kB of a textured model.
+  "globe-5kB": { src: "/samples/globe.pmesh", bytes: 5000 },
+  "globe-15kB": { src: "/samples/globe.pmesh", bytes: 15000 },
+  "globe-30kB": { src: "/samples/globe.pmesh", bytes: 30000 },
   "globe-coarse": { src: "/samples/globe.pmesh", level: "9.5" },
   "marble": { src: "/samples/marble.pmesh", background: "#203040" },
   "part-wireframe": { src: "/samples/part.pmesh", wireframe: "" },
@@ -36,8 +40,14 @@ for (const [name, attributes] of Object.entries(SCENES)) {
     assert.ok(update || existsSync(reference), `${name}.png is missing: run with PMESH_UPDATE=1`);
     const expected = update ? null : readFileSync(reference).toString("base64");
     const { png, part } = await page.evaluate(async (attributes, expected, DIFFERENT) => {
-      const mesh = add(attributes, "width:320px;height:320px");
-      const level = Number(attributes.level ?? 0);
+      const { bytes, ...rest } = attributes;
+      const mesh = add(rest, "width:320px;height:320px");
+      let level = Number(attributes.level ?? 0);
+      if (bytes) {
+        await until(mesh, "levelready");
+        level = mesh.info.levels.findLast(({ endByte }) => endByte <= bytes).level;
+        mesh.level = level;
+      }
       await until(mesh, "levelchange", (d) => d.level === level);
       await settled(mesh);
       if (attributes.debug) mesh.shadowRoot.querySelector(".debug").hidden = true;

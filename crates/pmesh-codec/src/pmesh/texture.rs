@@ -29,7 +29,12 @@ pub(crate) fn insert(texture: &Texture, blocks: &mut Vec<Block>, payloads: &mut 
     Ok(())
 }
 
-/// Parts and levels side by side: a part comes once as great a share of the levels' bytes has come as of the parts' before it.
+/// How much faster an image comes than the levels do, as shares of their bytes: a sharp picture on a coarse shape is worth more
+/// than the other way round.
+const AHEAD: usize = 3;
+
+/// Parts and levels side by side: a part comes once a third as great a share of the levels' bytes has come as of the parts'
+/// before it.
 fn insert_parts(framed: &[u8], blocks: &mut Vec<Block>, payloads: &mut Vec<Vec<u8>>) -> Result<(), EncodeError> {
     let parts = wavelet::parts(framed);
     let room = BLOCK_LIMIT.saturating_sub(blocks.len());
@@ -54,7 +59,7 @@ fn insert_parts(framed: &[u8], blocks: &mut Vec<Block>, payloads: &mut Vec<Vec<u
         level_bytes += payload.len();
         payloads.push(payload);
         blocks.push(block_of_level);
-        while let Some(group) = groups.next_if(|_| part_bytes * levels <= level_bytes * all_parts) {
+        while let Some(group) = groups.next_if(|_| part_bytes * levels <= AHEAD * level_bytes * all_parts) {
             part_bytes += group.len();
             blocks.push(block(BlockKind::Picture, &group));
             payloads.push(group);
