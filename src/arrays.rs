@@ -70,6 +70,7 @@ pub(crate) fn level(object: &JsValue) -> Result<Level> {
         corner_moves: integers(object, "cornerMoves")?.into_iter().map(corner).collect(),
         moved,
         position_of: integers(object, "positionOf")?.into_iter().map(pair).collect(),
+        retired: integers::<1>(object, "retired")?.into_iter().map(|[t]| t).collect(),
     })
 }
 

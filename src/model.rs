@@ -30,6 +30,8 @@ export interface LevelData {
   representatives?: Uint32Array | number[];
   /** Triples: triangle, corner (0 to 2), new vertex. */
   cornerMoves?: Uint32Array | number[];
+  /** Triangles of earlier levels that this level and finer ones do not have. */
+  retired?: Uint32Array | number[];
   /** Pairs: new vertex, earlier vertex at the same position. */
   positionOf?: Uint32Array | number[];
   /** Vertices of earlier levels that stand elsewhere from this level on. */

@@ -70,6 +70,8 @@ pub(super) struct GpuMesh {
     complete: bool,
     given_normals: bool,
     has_texcoords: bool,
+    /// The level for which triangles that finer levels replace were left out.
+    shown_level: u32,
 }
 
 pub(super) fn buffer(device: &wgpu::Device, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
@@ -101,6 +103,7 @@ impl GpuMesh {
             complete: false,
             given_normals: false,
             has_texcoords: false,
+            shown_level: u32::MAX,
         }
     }
     pub(super) fn uniforms(&self) -> &wgpu::Buffer {
@@ -123,6 +126,21 @@ impl GpuMesh {
     pub(super) fn flags(&self) -> u32 {
         let image = self.has_texcoords && self.image.is_some();
         (if self.given_normals { FLAG_GIVEN_NORMALS } else { 0 }) | if image { FLAG_IMAGE } else { 0 }
+    }
+
+    /// Leaves out what `level` replaces, of a mesh whose levels replace triangles; gives the bytes uploaded. O(replaced ones).
+    pub(super) fn show(&mut self, up: &Uploader, state: &State, level: u32) -> u64 {
+        let mesh = state.mesh();
+        let changed = mesh.retired_between(level, std::mem::replace(&mut self.shown_level, level));
+        let mut bytes = 0;
+        for chunks in std::iter::once(&mut self.faces).chain(&mut self.lines) {
+            changed.iter().for_each(|&t| chunks.touch(t as usize));
+            // What was there is written again at once; what is still to come goes on step by step.
+            while chunks.has_changes() {
+                bytes += chunks.step(up, mesh.triangles(), |t| mesh.is_retired_at(t, level));
+            }
+        }
+        bytes
     }
 
     pub(super) fn set_image(&mut self, upload: ImageUpload) {
@@ -167,7 +185,7 @@ impl GpuMesh {
             return Ok(Some(self.upload_vertices(up, state)));
         }
         if !self.faces.is_current(triangles.len()) {
-            return Ok(Some(self.faces.step(up, triangles)));
+            return Ok(Some(self.faces.step(up, triangles, |t| mesh.is_retired_at(t, self.shown_level))));
         }
         if levels > self.normal_levels {
             let bytes = self.step_normals(up, state, levels);
@@ -192,7 +210,7 @@ impl GpuMesh {
         if wireframe {
             let lines = self.lines.get_or_insert_with(|| IndexChunks::new(Primitive::Lines));
             if !lines.is_current(triangles.len()) {
-                return Ok(Some(lines.step(up, triangles)));
+                return Ok(Some(lines.step(up, triangles, |t| mesh.is_retired_at(t, self.shown_level))));
             }
         }
         self.complete = true;
@@ -294,13 +312,14 @@ impl GpuMesh {
         }
         let finest = mesh.level_count() - levels;
         let count = |r: Result<u32, _>| r.unwrap_or(0) as usize;
-        let (vertices, triangles) = (count(mesh.vertex_end(finest)), count(mesh.triangle_count(finest)));
+        let (vertices, triangles) = (count(mesh.vertex_end(finest)), count(mesh.triangle_end(finest)));
         // If another level has ended since, its normals will do for the one before too; but what is summed is shown.
         let going = self.normals.take().filter(|n| n.levels == levels || n.uploaded.is_some());
         let mut normals = going.unwrap_or_else(|| Normals { levels, sums: NormalAccumulator::new(vertices), uploaded: None });
         let Some(from) = normals.uploaded else {
             let corners = (&mesh.vertices().positions[..], mesh.representatives());
-            if normals.sums.add(corners, &mesh.triangles()[..triangles], NORMAL_STEP) {
+            let gone = |t| mesh.is_retired_at(t, finest);
+            if normals.sums.add(corners, &mesh.triangles()[..triangles], NORMAL_STEP, gone) {
                 normals.sums.join(mesh.seams());
                 normals.uploaded = Some(0);
             }

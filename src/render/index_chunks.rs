@@ -25,11 +25,10 @@ impl Primitive {
             Primitive::Lines => 6,
         }
     }
-    fn bytes(self, triangles: &[[u32; 3]]) -> Vec<u8> {
-        let corners = triangles.iter();
+    fn bytes(self, corners: impl Iterator<Item = [u32; 3]>) -> Vec<u8> {
         match self {
-            Primitive::Faces => corners.flatten().flat_map(|v| v.to_le_bytes()).collect(),
-            Primitive::Lines => corners.flat_map(|&[a, b, c]| [a, b, b, c, c, a]).flat_map(u32::to_le_bytes).collect(),
+            Primitive::Faces => corners.flatten().flat_map(u32::to_le_bytes).collect(),
+            Primitive::Lines => corners.flat_map(|[a, b, c]| [a, b, b, c, c, a]).flat_map(u32::to_le_bytes).collect(),
         }
     }
 }
@@ -66,8 +65,13 @@ impl IndexChunks {
         self.uploaded == triangles && !self.dirty.contains(&true)
     }
 
-    /// Uploads some of what is missing, changes first; gives the bytes, 0 once all is there.
-    pub(super) fn step(&mut self, up: &Uploader, triangles: &[[u32; 3]]) -> u64 {
+    pub(super) fn has_changes(&self) -> bool {
+        self.dirty.contains(&true)
+    }
+
+    /// Uploads some of what is missing, changes first; gives the bytes, 0 once all is there. Triangles that are `gone` become
+    /// points.
+    pub(super) fn step(&mut self, up: &Uploader, triangles: &[[u32; 3]], gone: impl Fn(u32) -> bool) -> u64 {
         let changed = self.dirty.iter().position(|&d| d);
         let first = changed.map_or(self.uploaded, |page| page * PAGE);
         // To the end of the chunk, of the changed pages, or of the step.
@@ -87,7 +91,8 @@ impl IndexChunks {
             // WebGL wants index buffers to be nothing else.
             self.chunks.push(buffer(up.device, size as u64, wgpu::BufferUsages::INDEX));
         }
-        let bytes = self.primitive.bytes(&triangles[first..end]);
+        let corners = (first..end).map(|t| if gone(t as u32) { [0; 3] } else { triangles[t] });
+        let bytes = self.primitive.bytes(corners);
         up.queue.write_buffer(&self.chunks[chunk], ((first - start(chunk)) * width * 4) as u64, &bytes);
         self.uploaded = self.uploaded.max(end);
         self.dirty.resize(self.uploaded.div_ceil(PAGE), false);

@@ -165,17 +165,20 @@ impl Renderer {
         Ok(())
     }
 
-    fn sync(&self, model: &Model, wireframe: bool, deadline: Option<f64>) -> Result<(), JsValue> {
-        let mut meshes = self.meshes.borrow_mut();
-        let gpu = meshes.entry(model.id).or_insert_with(|| GpuMesh::new(&self.device));
-        let uploader = Uploader {
+    fn uploader(&self, deadline: Option<f64>) -> Uploader<'_> {
+        Uploader {
             device: &self.device,
             queue: &self.queue,
             pipelines: &self.pipelines,
             texture_side: self.texture_side,
             deadline: deadline.unwrap_or_else(|| crate::stream::now() + UPLOAD_MS),
-        };
-        let uploaded = gpu.sync(&uploader, &mut model.state.borrow_mut(), wireframe)?;
+        }
+    }
+
+    fn sync(&self, model: &Model, wireframe: bool, deadline: Option<f64>) -> Result<(), JsValue> {
+        let mut meshes = self.meshes.borrow_mut();
+        let gpu = meshes.entry(model.id).or_insert_with(|| GpuMesh::new(&self.device));
+        let uploaded = gpu.sync(&self.uploader(deadline), &mut model.state.borrow_mut(), wireframe)?;
         self.uploaded.set(self.uploaded.get() + uploaded as f64);
         Ok(())
     }
@@ -201,6 +204,10 @@ impl Renderer {
         let wanted = options.shown_level().filter(|x| x.is_finite()).unwrap_or(mesh.level());
         let finest = f64::from(mesh.level_count().saturating_sub(gpu.ready_levels()));
         let level = wanted.max(finest).clamp(0.0, f64::from(mesh.level_count().saturating_sub(1)));
+        if mesh.has_retired() {
+            let uploaded = gpu.show(&self.uploader(options.deadline()), &state, level.floor() as u32);
+            self.uploaded.set(self.uploaded.get() + uploaded as f64);
+        }
         let prefix = if gpu.ready_levels() > 0 { mesh.prefix_of(level).unwrap_or_default() } else { Default::default() };
         let coarsest = mesh.vertex_end(mesh.level_count().saturating_sub(1)).unwrap_or(0);
         let [r, g, b] = color(&options.base_color(), [0.8, 0.8, 0.78]);
@@ -219,7 +226,7 @@ impl Renderer {
             gpu.is_complete(),
             gpu.ready_levels(),
             if gpu.ready_levels() > 0 { level } else { -1.0 },
-            prefix.triangle_count,
+            if prefix.triangle_count > 0 { mesh.triangle_count(level.floor() as u32).unwrap_or(0) } else { 0 },
         ))
     }
 

@@ -314,7 +314,10 @@ pub fn kept_levels(path: &Path, bytes: &[u8]) -> Result<LevelStream> {
     stream.warn(path);
     let mesh = stream.receiver.mesh();
     let levels = mesh.to_levels().ok_or_else(|| {
-        CliError::Other(format!("{}: its vertices move between levels; decode it to a mesh and encode that", path.display()))
+        CliError::Other(format!(
+            "{}: its vertices move or triangles are replaced between levels; decode it to a mesh and encode that",
+            path.display()
+        ))
     })?;
     let table = stream.receiver.info().and_then(|i| i.levels.clone());
     let errors = table.map_or(vec![0.0; levels.len()], |t| t.iter().map(|l| l.error).collect());

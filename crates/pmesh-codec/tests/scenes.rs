@@ -46,6 +46,43 @@ fn counts(read: &Read) -> Vec<(u32, u32)> {
     levels.map(|l| (mesh.vertex_count(l).expect("it is there"), mesh.triangle_count(l).expect("it is there"))).collect()
 }
 
+/// A hexagon cut into a triangle and three ears: no fan about any vertex. Then a pair of its star's triangles gets a vertex.
+const NO_FAN: &str = "#VRML V2.0 utf8
+Shape { geometry ProgIndexedTriSet {
+  coord Coordinate { point [0 0 0, 2 -1 0, 4 0 0, 4 2 0, 2 3 0, 0 2 0, 6 1 0] }
+  coordIndex [0 1 2 -1 0 2 4 -1 2 3 4 -1 4 5 0 -1 2 6 3]
+  levels [
+    ProgLOD { triIndex [1 0 3 2] coord Coordinate { point [0 0 1] } }
+    ProgLOD { triIndex [2 3] coord Coordinate { point [0 0 0] } }
+  ]
+} }";
+
+#[test]
+fn a_patch_that_is_no_fan_replaces_its_triangles() {
+    let read = read(NO_FAN);
+    assert_eq!((read.error.as_ref(), &read.warnings[..]), (None, &[][..]));
+    assert_eq!(counts(&read), [(7, 5), (8, 7), (9, 9)]);
+    let mesh = read.receiver.mesh();
+    let sorted = |level: u32| {
+        let mut all: Vec<[u32; 3]> = mesh.triangles_at(level).expect("a level").into_iter().map(pmesh_core::turned).collect();
+        all.sort_unstable();
+        all
+    };
+    assert_eq!(sorted(2), [[0, 1, 2], [0, 2, 4], [0, 4, 5], [2, 3, 4], [2, 6, 3]]);
+    assert_eq!(sorted(1), [[0, 1, 7], [0, 7, 5], [1, 2, 7], [2, 3, 7], [2, 6, 3], [3, 4, 7], [4, 5, 7]]);
+    for level in 0..3 {
+        assert_eq!(mesh.triangles_at(level), pmesh_core::reference::triangles_at(mesh, level));
+        // The surface keeps its area, seen from above: nothing overlaps, nothing is missing.
+        let shown = mesh.mesh_at(level.into()).expect("a level");
+        let p = |v: u32| shown.vertices.positions[v as usize];
+        let area = |[a, b, c]: [u32; 3]| (p(b)[0] - p(a)[0]) * (p(c)[1] - p(a)[1]) - (p(b)[1] - p(a)[1]) * (p(c)[0] - p(a)[0]);
+        let areas: Vec<f32> = shown.triangles.iter().map(|&t| area(t)).collect();
+        assert!(areas.iter().all(|&a| a > 0.0) && (areas.iter().sum::<f32>() - 28.0).abs() < 1e-4, "{level}: {areas:?}");
+    }
+    assert_eq!(mesh.finest_mesh().triangles.len(), 9);
+    assert!(mesh.has_retired() && mesh.to_levels().is_none());
+}
+
 #[test]
 fn g15_figure_5_as_printed_and_as_repaired_gives_its_three_levels() {
     for (text, warned) in [(FIGURE_5, true), (REPAIRED, false)] {
@@ -124,7 +161,7 @@ fn what_is_wrong_is_an_error_with_its_line_and_what_is_whole_stays() {
     assert!(read_cut.error.expect("it is cut").to_string().contains("line 7"));
     for (from, to, what) in [
         ("triIndex [0 1]", "triIndex [0 9]", "past"),
-        ("triIndex [0 1]", "triIndex [0 5]", "no fan"),
+        ("triIndex [0 1]", "triIndex [0 5]", "make no patch"),
         ("triIndex [0 1 2 -1 3 4 5 -1 6 7 8]", "triIndex [0 1 2 -1 2 4 5 -1 6 7 8]", "patch 1"),
         ("point [0 0 0]", "point [0 0 0, 1 1 1]", "corrections"),
         ("1 4 0]", "1 4 77]", "index 77"),

@@ -12,8 +12,12 @@ pub enum MeshError {
     LevelIsNaN,
     #[error("no level has arrived yet")]
     Empty,
-    #[error("vertices of this mesh move between levels, which cannot be stepped through: use triangles_at")]
-    MovesNotStepped,
+    #[error(
+        "vertices of this mesh move or triangles are replaced between levels, which cannot be stepped through: use triangles_at"
+    )]
+    NotStepped,
+    #[error("triangle {triangle} is replaced, but it is not of an earlier level, or it is replaced twice")]
+    BadRetirement { triangle: u32 },
     #[error("{array} holds {got} entries for {expected} vertices")]
     AttributeLength { array: &'static str, expected: usize, got: usize },
     #[error("vertex {vertex} has a coordinate or attribute that is not finite")]

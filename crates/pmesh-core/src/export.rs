@@ -23,7 +23,9 @@ impl ProgressiveMultilevelMesh {
     pub fn finest_mesh(&self) -> IndexedMesh {
         let Some(end) = self.ends.last() else { return Default::default() };
         let resolve = |v: u32| ancestor_below(&self.parents, v, end.vertices);
-        let triangles = self.triangles[..end.triangles as usize].iter().map(|t| t.map(resolve)).collect();
+        let finest = self.finest_level();
+        let there = (0..end.triangles).filter(|&t| !self.is_retired_at(t, finest));
+        let triangles = there.map(|t| self.triangles[t as usize].map(resolve)).collect();
         self.without_superseded(self.vertices.select(0..end.vertices), triangles)
     }
 

@@ -11,7 +11,7 @@ pub struct Prefix {
     pub vertex_count: u32,
     /// Vertices of level `ceil(x)`.
     pub coarse_vertex_count: u32,
-    /// Triangles of level `floor(x)`.
+    /// Triangles of level `floor(x)`, those included that are replaced there ([`crate::ProgressiveMultilevelMesh::is_retired_at`]).
     pub triangle_count: u32,
     /// `fract(x)`: 0 is the finer level exactly.
     pub fraction: f32,

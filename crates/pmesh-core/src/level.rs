@@ -16,6 +16,9 @@ pub struct Level {
     pub representatives: Vec<(u32, u32)>,
     /// Corners of existing triangles that move from a representative to a new vertex.
     pub corner_moves: Vec<CornerMove>,
+    /// Triangles of earlier levels that this one replaces: in foreign streams, where no representative can say what becomes of
+    /// them. Finer levels do not have them.
+    pub retired: Vec<u32>,
     /// Vertices of earlier levels that stand elsewhere from this level on (A.9f, D.9).
     pub moved: MovedVertices,
     /// Seams: (new vertex, earlier vertex that has the same position).

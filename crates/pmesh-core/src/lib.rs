@@ -48,6 +48,7 @@ pub mod normals;
 mod pending;
 pub mod polygon;
 pub mod reference;
+mod retired;
 mod split;
 pub mod stepped;
 mod versions;

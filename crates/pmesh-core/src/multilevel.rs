@@ -2,6 +2,7 @@
 
 use crate::forest::compress;
 use crate::pending::Pending;
+use crate::retired::Retired;
 use crate::versions::Versions;
 use crate::{AttributeSet, MeshError, Prefix, Vertices};
 
@@ -12,6 +13,8 @@ pub(crate) struct LevelEnd {
     pub(crate) triangles: u32,
     /// Entries up to here that are superseded versions.
     pub(crate) superseded: u32,
+    /// Triangles up to here that are replaced by then.
+    pub(crate) retired: u32,
 }
 
 /// A mesh at all its levels of detail at once (A.9).
@@ -39,6 +42,7 @@ pub struct ProgressiveMultilevelMesh {
     pub(crate) seams: Vec<(u32, u32)>,
     pub(crate) pending: Pending,
     pub(crate) versions: Option<Box<Versions>>,
+    pub(crate) retired: Retired,
     declared_levels: Option<u32>,
     requested: Option<f64>,
 }
@@ -55,6 +59,7 @@ impl ProgressiveMultilevelMesh {
             seams: Vec::new(),
             pending: Pending::default(),
             versions: None,
+            retired: Retired::default(),
             declared_levels: None,
             requested: None,
         }
@@ -100,6 +105,10 @@ impl ProgressiveMultilevelMesh {
     }
     /// Triangles of a level. O(1).
     pub fn triangle_count(&self, level: u32) -> Result<u32, MeshError> {
+        self.end(level).map(|e| e.triangles - e.retired)
+    }
+    /// Length of the triangle prefix of a level, replaced ones included. O(1).
+    pub fn triangle_end(&self, level: u32) -> Result<u32, MeshError> {
         self.end(level).map(|e| e.triangles)
     }
 
@@ -157,11 +166,8 @@ impl ProgressiveMultilevelMesh {
         let end = self.end(level)?;
         let roots = compress(&self.parents, end.vertices);
         let resolve = |v: u32| if v < end.vertices { v } else { roots[(v - end.vertices) as usize] };
-        Ok(self.triangles[..end.triangles as usize]
-            .iter()
-            .map(|t| t.map(resolve))
-            .filter(|[a, b, c]| a != b && b != c && c != a)
-            .collect())
+        let there = (0..end.triangles).filter(|&t| !self.is_retired_at(t, level));
+        Ok(there.map(|t| self.triangles[t as usize].map(resolve)).filter(|[a, b, c]| a != b && b != c && c != a).collect())
     }
 
     /// Every vertex entry that has arrived, coarsest first.
@@ -205,6 +211,7 @@ impl ProgressiveMultilevelMesh {
             + self.triangles.capacity() * 12
             + self.ends.capacity() * size_of::<LevelEnd>()
             + self.seams.capacity() * 8
+            + self.retired.len() * 16
             + self.versions.as_ref().map_or(0, |v| v.memory_bytes())
     }
 
@@ -218,6 +225,7 @@ impl ProgressiveMultilevelMesh {
             assert!(p == crate::forest::NO_REPRESENTATIVE || (p < v && level_of(p) < level_of(v)), "{v} -> {p}");
         }
         assert!(self.triangles.iter().flatten().all(|&v| v < n));
+        assert!(self.retired.iter().all(|(t, step)| (t as usize) < self.triangles.len() && step <= self.arrived_levels()));
         let monotone = |w: &[LevelEnd]| w[0].vertices <= w[1].vertices && w[0].triangles <= w[1].triangles;
         assert!(self.ends.windows(2).all(monotone));
         if let Some(e) = self.ends.last() {

@@ -20,11 +20,14 @@ impl NormalAccumulator {
     }
     /// Adds up to `limit` more triangles; true once all of `triangles` are in. Corners past the vertices count for their
     /// first representative inside, so that levels may go on arriving meanwhile; without one the triangle is skipped.
-    pub fn add(&mut self, mesh: (&[[f32; 3]], &[u32]), triangles: &[[u32; 3]], limit: usize) -> bool {
+    pub fn add(&mut self, mesh: (&[[f32; 3]], &[u32]), triangles: &[[u32; 3]], limit: usize, gone: impl Fn(u32) -> bool) -> bool {
         let (positions, parents) = mesh;
         let count = self.sums.len() as u32;
         let end = self.next_triangle.saturating_add(limit).min(triangles.len());
-        for t in &triangles[self.next_triangle.min(end)..end] {
+        for (i, t) in triangles.iter().enumerate().take(end).skip(self.next_triangle) {
+            if gone(i as u32) {
+                continue;
+            }
             let t = t.map(|v| if v < count { v } else { ancestor_below(parents, v, count) });
             if t.iter().any(|&v| v >= count) {
                 continue;
@@ -60,7 +63,7 @@ impl NormalAccumulator {
 /// Smooth normals of a whole mesh. O(triangles).
 pub fn smooth_normals(positions: &[[f32; 3]], triangles: &[[u32; 3]], seams: &[(u32, u32)]) -> Vec<[f32; 3]> {
     let mut sums = NormalAccumulator::new(positions.len());
-    sums.add((positions, &[]), triangles, usize::MAX);
+    sums.add((positions, &[]), triangles, usize::MAX, |_| false);
     sums.join(seams);
     (0..positions.len() as u32).map(|v| sums.normal(v)).collect()
 }

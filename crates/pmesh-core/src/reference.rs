@@ -5,10 +5,11 @@ use crate::{MeshError, ProgressiveMultilevelMesh};
 
 /// Triangles of level `level` by walking every corner up the forest (A.9d), degenerate ones left out. O(corners × depth).
 pub fn triangles_at(mesh: &ProgressiveMultilevelMesh, level: u32) -> Result<Vec<[u32; 3]>, MeshError> {
-    let (vertices, triangles) = (mesh.vertex_end(level)?, mesh.triangle_count(level)?);
+    let (vertices, triangles) = (mesh.vertex_end(level)?, mesh.triangle_end(level)?);
     let parents = mesh.representatives();
     let resolve = |t: &[u32; 3]| t.map(|v| ancestor_below(parents, v, vertices));
-    Ok(mesh.triangles()[..triangles as usize].iter().map(resolve).filter(|[a, b, c]| a != b && b != c && c != a).collect())
+    let there = (0..triangles).filter(|&t| !mesh.is_retired_at(t, level)).map(|t| &mesh.triangles()[t as usize]);
+    Ok(there.map(resolve).filter(|[a, b, c]| a != b && b != c && c != a).collect())
 }
 
 /// Position of one corner at level `x`, by the definition of a geomorph (DESIGN: `mix(own, representative, fract)`).

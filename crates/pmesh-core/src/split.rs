@@ -24,9 +24,9 @@ impl ProgressiveMultilevelMesh {
     }
 
     /// The levels that make this mesh, coarsest first, split-coded: triangles at the vertices present, corners moved
-    /// later. `None` if vertices move between levels (their versions are not a plain forest). O(corners × levels they pass).
+    /// later. `None` if vertices move between levels (their versions are not a plain forest) or triangles are replaced. O(corners × levels they pass).
     pub fn to_levels(&self) -> Option<Vec<Level>> {
-        if self.versions.is_some() {
+        if self.versions.is_some() || self.has_retired() {
             return None;
         }
         let ends: Vec<_> = self.ends.iter().map(|e| (e.vertices, e.triangles)).collect();

@@ -33,11 +33,11 @@ impl SteppedLevel {
 
     /// Goes to `level`, finer or coarser; gives the number of corners that were looked at or changed, which is what it
     /// costs: on the way to a finer level those of the split vertices, on the way back those of the vertices that go.
-    /// Errors: a level that has not arrived; vertices that move between levels.
+    /// Errors: a level that has not arrived; vertices that move or triangles that are replaced between levels.
     pub fn set_level(&mut self, mesh: &ProgressiveMultilevelMesh, level: u32) -> Result<u64, MeshError> {
         mesh.triangle_count(level)?;
-        if mesh.has_moves() {
-            return Err(MeshError::MovesNotStepped);
+        if mesh.has_moves() || mesh.has_retired() {
+            return Err(MeshError::NotStepped);
         }
         self.forest.grow(mesh.representatives());
         let wanted = mesh.level_count() - level;

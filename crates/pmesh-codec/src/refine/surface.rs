@@ -18,7 +18,7 @@ pub fn previous(c: u32) -> u32 {
 /// A mesh of which corner `c = 3 t + k` stands at vertex `k` of triangle `t` and names the edge from there to the next.
 #[derive(Clone, Debug, Default)]
 pub struct Surface {
-    /// Corners of each triangle.
+    /// Corners of each triangle; [`NONE`] in those that [`Self::replace`] has taken out.
     pub triangles: Vec<[u32; 3]>,
     /// For each edge the same edge seen from the other side, or [`NONE`] at a boundary and where more than two triangles or
     /// two of unlike orientation meet.
@@ -146,6 +146,65 @@ impl Surface {
         (fan.corners.len() == region.len() && simple).then_some(fan)
     }
 
+    /// The boundary of `region`, counter-clockwise, as the corners at which its edges begin; `None` unless the triangles are a
+    /// disk without a vertex inside: edge to edge, no vertex met twice.
+    pub fn boundary(&self, region: &[u32]) -> Option<Vec<u32>> {
+        let mut sorted = region.to_vec();
+        sorted.sort_unstable();
+        let inside = |c: u32| c != NONE && sorted.binary_search(&(c / 3)).is_ok();
+        let corners = || region.iter().flat_map(|&t| 3 * t..3 * t + 3);
+        let first = corners().find(|&c| !inside(self.across[c as usize]))?;
+        let mut rim = vec![first];
+        loop {
+            // Clockwise about the edge's end, as long as there is region.
+            let mut at = next(rim[rim.len() - 1]);
+            for _ in 0..region.len() {
+                match self.across[at as usize] {
+                    other if inside(other) => at = next(other),
+                    _ => break,
+                }
+            }
+            if at == first {
+                break;
+            }
+            rim.push(at);
+            if rim.len() > region.len() + 2 {
+                return None;
+            }
+        }
+        let mut vertices: Vec<u32> = rim.iter().map(|&c| self.vertex(c)).collect();
+        vertices.sort_unstable();
+        let simple = vertices.windows(2).all(|w| w[0] != w[1]);
+        // Sides and triangles of a disk whose vertices all lie on its rim.
+        (simple && rim.len() == region.len() + 2).then_some(rim)
+    }
+
+    /// Takes the triangles of a disk out and joins its rim, as [`Self::boundary`] gives it, to a new vertex. Gives the vertex; its
+    /// triangles are the last ones. O(rim).
+    pub fn replace(&mut self, region: &[u32], rim: &[u32]) -> u32 {
+        let v = self.corner_of.len() as u32;
+        let first = self.triangles.len() as u32 * 3;
+        let count = rim.len() as u32;
+        self.corner_of.push(first + 2);
+        let around: Vec<(u32, u32)> = rim.iter().map(|&c| (self.vertex(c), self.across[c as usize])).collect();
+        for (i, &(a, other)) in around.iter().enumerate() {
+            let (i, b) = (i as u32, around[(i + 1) % around.len()].0);
+            let corner = first + 3 * i;
+            self.triangles.push([a, b, v]);
+            // To the triangle before, and to the one after.
+            self.across.extend([other, first + 3 * ((i + 1) % count) + 2, first + 3 * ((i + count - 1) % count) + 1]);
+            if other != NONE {
+                self.across[other as usize] = corner;
+            }
+            self.corner_of[a as usize] = corner;
+        }
+        for &t in region {
+            self.triangles[t as usize] = [NONE; 3];
+            self.across[3 * t as usize..3 * t as usize + 3].fill(NONE);
+        }
+        v
+    }
+
     /// Puts a new vertex into a fan: its triangles leave the apex for the vertex, two triangles join the vertex to the apex.
     /// Gives the vertex. O(fan).
     pub fn insert(&mut self, fan: &Fan) -> u32 {
@@ -217,7 +276,8 @@ impl CanonicalOrder {
                 }
             } else if self.sweep < self.listed.len() {
                 // A triangle whose vertices were all met from other sides, as they can be where fans touch at a point.
-                if !std::mem::replace(&mut self.listed[self.sweep], true) {
+                let gone = surface.triangles[self.sweep] == [NONE; 3];
+                if !std::mem::replace(&mut self.listed[self.sweep], true) && !gone {
                     self.order.push(self.sweep as u32);
                 }
                 self.sweep += 1;

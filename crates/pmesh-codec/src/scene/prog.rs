@@ -4,7 +4,7 @@ use super::geometry::{colors, indices, normals, points, runs, texcoords};
 use super::tree::Node;
 use crate::refine::surface::{CanonicalOrder, Fan, Surface};
 use pmesh_core::{Attributes, CornerMove, Level, Vertices};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// The levels of a node, coarsest first; what is odd; and what ends them early.
 pub(super) struct Levels {
@@ -15,10 +15,19 @@ pub(super) struct Levels {
 
 /// The mean of a patch's rim: where FC01's decoder expects its vertex (C.4). In `f64`, so that a correction gives back
 /// every `f32` exactly.
-pub(super) fn mean<const N: usize>(values: &[[f32; N]], fan: &Fan) -> [f64; N] {
-    let count = fan.chain.len() as f64 + 1.0;
-    let rim = || std::iter::once(fan.apex).chain(fan.chain.iter().copied());
-    std::array::from_fn(|k| rim().map(|v| f64::from(values[v as usize][k])).sum::<f64>() / count)
+pub(super) fn mean<const N: usize>(values: &[[f32; N]], rim: &[u32]) -> [f64; N] {
+    std::array::from_fn(|k| rim.iter().map(|&v| f64::from(values[v as usize][k])).sum::<f64>() / rim.len() as f64)
+}
+/// The rim of a fan, its apex first.
+pub(super) fn rim_of(fan: &Fan) -> Vec<u32> {
+    std::iter::once(fan.apex).chain(fan.chain.iter().copied()).collect()
+}
+
+/// What a vertex is put into.
+enum Patch {
+    Fan(Fan),
+    /// Any other disk: its triangles and its boundary. They are replaced, since no representative can say what becomes of them.
+    Disk(Vec<u32>, Vec<u32>),
 }
 
 /// Turns triangles so that neighbours agree, each connected piece as most of it has it (C.11). Gives how many were turned.
@@ -149,43 +158,70 @@ fn prog_lod(lod: &Node, order: &[u32], surface: &mut Surface, all: &mut Vertices
     let texcoord = field("texCoord", "point");
     let channels = color.len().checked_div(patches.len()).filter(|&c| c == 4).unwrap_or(3);
     let mut level = Level::default();
-    let mut fans = Vec::with_capacity(patches.len());
+    let mut found = Vec::with_capacity(patches.len());
+    let mut taken = HashSet::new();
     for (i, patch) in patches.iter().enumerate() {
         let region = patch.iter().map(|&t| order.get(t as usize).copied()).collect::<Option<Vec<_>>>();
         let region = region.ok_or_else(|| format!("patch {i} names a triangle past the {}", order.len()))?;
-        let fan = surface.fan(&region).ok_or_else(|| {
-            format!("the triangles {patch:?} of patch {i} are no fan about one vertex; other patches are not supported")
-        })?;
-        fans.push(fan);
-    }
-    for (i, fan) in fans.iter().enumerate() {
-        // A fan that an earlier patch of this level has taken is none any more.
-        if fan.corners.iter().any(|&c| surface.vertex(c) != fan.apex) {
+        if !region.iter().all(|&t| taken.insert(t)) {
             return Err(format!("patch {i} shares triangles with an earlier one"));
         }
-        fn corrected<const N: usize>(values: &mut Vec<[f32; N]>, fan: &Fan, correction: impl Fn(usize) -> f64) {
-            let mean = mean(values, fan);
+        let disk = |rim| Some(Patch::Disk(region.clone(), rim));
+        let found_one = surface.fan(&region).map(Patch::Fan).or_else(|| surface.boundary(&region).and_then(disk));
+        found.push(found_one.ok_or_else(|| {
+            format!(
+                "the triangles {patch:?} of patch {i} make no patch: they must hang together by edges, all vertices on the rim"
+            )
+        })?);
+    }
+    for (i, patch) in found.iter().enumerate() {
+        let rim = match patch {
+            Patch::Fan(fan) => rim_of(fan),
+            Patch::Disk(_, rim) => rim.iter().map(|&c| surface.vertex(c)).collect(),
+        };
+        fn corrected<const N: usize>(values: &mut Vec<[f32; N]>, rim: &[u32], correction: impl Fn(usize) -> f64) {
+            let mean = mean(values, rim);
             values.push(std::array::from_fn(|k| (mean[k] + correction(k)) as f32));
         }
         let at = |list: &[f64], width: usize, k: usize| list.get(i * width + k).copied().unwrap_or(0.0);
-        corrected(&mut all.positions, fan, |k| points[i][k]);
+        corrected(&mut all.positions, &rim, |k| points[i][k]);
         let a = &mut all.attributes;
         if set.normals {
-            corrected(&mut a.normals, fan, |k| at(&normal, 3, k));
+            corrected(&mut a.normals, &rim, |k| at(&normal, 3, k));
         }
         if set.colors {
-            corrected(&mut a.colors, fan, |k| if k < channels { at(&color, channels, k) } else { 0.0 });
+            corrected(&mut a.colors, &rim, |k| if k < channels { at(&color, channels, k) } else { 0.0 });
         }
         if set.texcoords {
-            corrected(&mut a.texcoords, fan, |k| at(&texcoord, 2, k));
+            corrected(&mut a.texcoords, &rim, |k| at(&texcoord, 2, k));
         }
-        let vertex = surface.insert(fan);
+        let before = surface.triangles.len();
+        let vertex = match patch {
+            Patch::Fan(fan) => {
+                let vertex = surface.insert(fan);
+                let moves = fan.corners.iter().map(|&c| CornerMove { triangle: c / 3, corner: (c % 3) as u8, vertex });
+                level.corner_moves.extend(moves);
+                level.representatives.push((vertex, fan.apex));
+                vertex
+            }
+            Patch::Disk(region, corners) => {
+                level.retired.extend(region);
+                let nearest = nearest(&all.positions, &rim);
+                level.representatives.push((all.len() as u32 - 1, nearest));
+                surface.replace(region, corners)
+            }
+        };
         level.vertices.push_from(all, vertex as usize);
-        level.representatives.push((vertex, fan.apex));
-        level.corner_moves.extend(fan.corners.iter().map(|&c| CornerMove { triangle: c / 3, corner: (c % 3) as u8, vertex }));
-        level.triangles.extend_from_slice(&surface.triangles[surface.triangles.len() - 2..]);
+        level.triangles.extend_from_slice(&surface.triangles[before..]);
     }
     Ok(level)
+}
+
+/// Of `rim` the vertex nearest to the last of all: it stands for it at coarser levels.
+fn nearest(positions: &[[f32; 3]], rim: &[u32]) -> u32 {
+    let new = positions.last().copied().unwrap_or_default();
+    let distance = |&&v: &&u32| (0..3).map(|k| (f64::from(positions[v as usize][k]) - f64::from(new[k])).powi(2)).sum::<f64>();
+    rim.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).copied().unwrap_or(0)
 }
 
 /// Numbers as a node's text has them.

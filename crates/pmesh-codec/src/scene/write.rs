@@ -2,7 +2,7 @@
 //!
 //! Positions come back bit for bit (-0 as 0): a correction is what is missing from the mean of the rim, with all digits of an `f64`.
 
-use super::prog::{joined, mean};
+use super::prog::{joined, mean, rim_of};
 use crate::EncodeError;
 use crate::patch::PatchStream;
 use crate::refine::surface::{CanonicalOrder, Fan, NONE, Surface};
@@ -132,7 +132,7 @@ impl Corrections {
     fn add(&mut self, known: &Vertices, truth: &Vertices, old: u32, fan: &Fan) {
         fn missing<const N: usize>(known: &[[f32; N]], truth: &[[f32; N]], old: u32, fan: &Fan, out: &mut Vec<f64>) -> usize {
             let Some(own) = truth.get(old as usize) else { return 0 };
-            let mean = mean(known, fan);
+            let mean = mean(known, &rim_of(fan));
             let missing: [f64; N] = std::array::from_fn(|k| f64::from(own[k]) - mean[k]);
             out.extend(missing);
             (0..N).filter(|&k| (mean[k] + missing[k]) as f32 != own[k]).count()

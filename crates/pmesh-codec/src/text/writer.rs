@@ -19,6 +19,10 @@ pub fn write(mesh: &ProgressiveMultilevelMesh, options: TextOptions, out: &mut i
         let way_out = "use a simplifier that keeps vertices in place";
         return Err(EncodeError::Unsupported { what: "vertices that move between levels", way_out });
     }
+    if mesh.has_retired() {
+        let way_out = "decode it to a mesh and encode that";
+        return Err(EncodeError::Unsupported { what: "triangles that finer levels replace", way_out });
+    }
     let partition = options.variant == TextVariant::SurfacePartition;
     if partition {
         writeln!(out, "{SURFACE_PARTITION_LINE}")?;
