@@ -54,6 +54,12 @@ enum Command {
         #[arg(long)]
         quality: bool,
     },
+    /// One model as every stream: bytes, first picture, decoding time natively and in Chromium, error after 5, 15 and 30 kB
+    Compare {
+        /// Meshes: OBJ, PLY, STL, OFF, glTF, GLB
+        #[arg(required = true)]
+        meshes: Vec<PathBuf>,
+    },
     /// Renew the screenshots of the README in docs/
     Screenshots,
 }
@@ -79,6 +85,7 @@ fn run(command: Command) -> Result<()> {
         Command::Serve { throttle, port } => serve::run(port, throttle),
         Command::Build => build::modules().map(|_| ()),
         Command::Bench { meshes, quality } => test::bench(&meshes, quality),
+        Command::Compare { meshes } => test::compare(&meshes),
         Command::Screenshots => test::screenshots(),
     }
 }

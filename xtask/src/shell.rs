@@ -1,7 +1,8 @@
 //! Running programs, with the tool cache first on PATH.
 
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 pub type Result<T> = std::result::Result<T, String>;
 
@@ -48,5 +49,24 @@ pub fn run(command: &mut Command) -> Result<()> {
         Ok(status) if status.success() => Ok(()),
         Ok(status) => Err(format!("`{short}` ended with {status}")),
         Err(e) => Err(format!("`{short}` cannot be run: {e}")),
+    }
+}
+
+/// Runs to the end and gives what it printed, which is shown as it comes.
+pub fn output_of(command: &mut Command) -> Result<String> {
+    let name = command.get_program().to_string_lossy().into_owned();
+    let failed = |e: &dyn std::fmt::Display| format!("`{name}` cannot be run: {e}");
+    let mut child = command.stdout(Stdio::piped()).spawn().map_err(|e| failed(&e))?;
+    let mut text = String::new();
+    for line in child.stdout.take().into_iter().flat_map(|out| BufReader::new(out).lines()) {
+        let line = line.map_err(|e| failed(&e))?;
+        println!("{line}");
+        text += &line;
+        text.push('\n');
+    }
+    match child.wait() {
+        Ok(status) if status.success() => Ok(text),
+        Ok(status) => Err(format!("`{name}` ended with {status}")),
+        Err(e) => Err(failed(&e)),
     }
 }

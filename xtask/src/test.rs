@@ -1,6 +1,6 @@
 //! Every test, the fast ones first. Nothing is skipped in silence: a part that cannot run ends the whole with what to do.
 
-use crate::shell::{Result, heading, program, root, run};
+use crate::shell::{Result, heading, output_of, program, root, run};
 use crate::{build, tools};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -116,6 +116,33 @@ pub fn bench(meshes: &[PathBuf], quality: bool) -> Result<()> {
     build::everything(&meshes)?;
     heading("WebAssembly in Chromium");
     run(&mut node_script("bench.mjs", "chrome", &tools)?)
+}
+
+/// `pmesh compare` with a column more: how long the browser takes.
+pub fn compare(meshes: &[PathBuf]) -> Result<()> {
+    let tools = tools::for_browsers()?;
+    build::modules()?;
+    let folder = root().join("www/models");
+    std::fs::create_dir_all(&folder).map_err(|e| e.to_string())?;
+    heading("every stream of every mesh");
+    let mut command = program("cargo", &[]);
+    command.args(["run", "--quiet", "--release", "-p", "pmesh-cli", "--", "compare", "--keep"]).arg(&folder).args(meshes);
+    let table = output_of(&mut command)?;
+    let lines: Vec<(String, &str)> = table
+        .lines()
+        .map(|line| {
+            let words: Vec<&str> = line.split_whitespace().take(2).collect();
+            (format!("/models/{}", words.join(".")), line)
+        })
+        .collect();
+    heading("WebAssembly in Chromium");
+    let times = output_of(node_script("bench.mjs", "chrome", &tools)?.args(lines.iter().skip(1).map(|l| &l.0)))?;
+    for (url, line) in &lines {
+        let words = times.lines().map(|l| l.split_whitespace().collect::<Vec<_>>()).find(|w| w.first() == Some(&url.as_str()));
+        let shown = words.and_then(|w| w.iter().position(|x| *x == "decode").and_then(|i| w.get(i + 1).copied()));
+        println!("{line} {:>10}", shown.unwrap_or("wasm ms"));
+    }
+    Ok(())
 }
 
 fn node_script(script: &str, browser: &str, tools: &[PathBuf]) -> Result<std::process::Command> {

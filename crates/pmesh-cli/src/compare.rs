@@ -28,6 +28,9 @@ pub struct Args {
     /// Bits a coordinate, 8 to 16
     #[arg(long, default_value_t = 12, value_parser = RangedU64ValueParser::<u8>::new().range(8..=16))]
     bits: u8,
+    /// Keep the streams, each as NAME.ENDING in this folder
+    #[arg(long)]
+    keep: Option<PathBuf>,
 }
 
 /// Points a side of the error measurement.
@@ -46,6 +49,10 @@ pub fn run(args: &Args) -> Result<()> {
         model.mesh = quantise(&model.mesh, Some(args.bits));
         for (name, bytes) in streams(path, &model, args.bits)? {
             output::say(&row(path, name, &bytes, &model.mesh)?)?;
+            if let Some(folder) = &args.keep {
+                let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+                output::write_bytes(&folder.join(format!("{stem}.{name}")), &bytes)?;
+            }
         }
     }
     Ok(())
