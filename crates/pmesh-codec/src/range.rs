@@ -43,6 +43,11 @@ impl Chance {
     }
 }
 
+/// Zeros at the end of what an encoder gives that are not written, at most.
+const ZEROS_LEFT_OUT: usize = 8;
+/// Bytes that a decoder may read past the end: those, and what it looks ahead.
+pub(crate) const OVERRUN: usize = ZEROS_LEFT_OUT + 8;
+
 /// Inputs of a [`Mixer`].
 pub(crate) const INPUTS: usize = 6;
 
@@ -230,12 +235,12 @@ impl Encoder {
     pub(crate) fn byte_count(&self) -> usize {
         self.bytes.len()
     }
-    /// Ends the bytes. Zeros at the end are left out: a decoder reads zeros past the end.
+    /// Ends the bytes. Zeros at the end are left out: a decoder reads zeros past the end. Not more than a few: a decoder that
+    /// reads far past the end takes the stream for one that does not hold what it says.
     pub(crate) fn finish(mut self) -> Vec<u8> {
         (0..5).for_each(|_| self.shift());
-        while self.bytes.last() == Some(&0) {
-            self.bytes.pop();
-        }
+        let zeros = self.bytes.iter().rev().take(ZEROS_LEFT_OUT).take_while(|&&b| b == 0).count();
+        self.bytes.truncate(self.bytes.len() - zeros);
         self.bytes.split_off(1.min(self.bytes.len()))
     }
 }
@@ -325,6 +330,23 @@ mod tests {
             let mut decoder = RangeDecoder::new(encoder.finish());
             prop_assert_eq!(code(&mut decoder, &numbers.iter().map(|_| (0, 0)).collect::<Vec<_>>()), numbers);
             prop_assert!(decoder.overrun() <= 8);
+        }
+    }
+
+    #[test]
+    fn what_is_all_zeros_is_not_taken_for_cut_off() {
+        for count in [0, 10, 1000, 100_000] {
+            let mut encoder = Encoder::new();
+            let (mut fair, mut known) = (Chance::default(), Chance::default());
+            (0..count).for_each(|_| drop((encoder.raw(20, 0), encoder.bit(&mut fair, false))));
+            encoder.bit(&mut known, true);
+            (0..count).for_each(|_| drop(encoder.raw(8, 0)));
+            let mut decoder = RangeDecoder::new(encoder.finish());
+            let (mut fair, mut known) = (Chance::default(), Chance::default());
+            (0..count).for_each(|_| assert_eq!((decoder.raw(20, 0), decoder.bit(&mut fair, true)), (0, false)));
+            assert!(decoder.bit(&mut known, false));
+            (0..count).for_each(|_| assert_eq!(decoder.raw(8, 0), 0));
+            assert!(decoder.overrun() <= OVERRUN, "{} bytes past the end after {count}", decoder.overrun());
         }
     }
 

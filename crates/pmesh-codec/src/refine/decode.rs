@@ -7,15 +7,13 @@ use super::{Levels, item_limit};
 use crate::pmesh::channels::Channels;
 use crate::pmesh::header::{BlockKind, Container, Header, PREAMBLE_BYTES};
 use crate::pmesh::texture::texture_of;
-use crate::range::RangeDecoder;
+use crate::range::{OVERRUN, RangeDecoder};
 use crate::{DecodeError, Decoder, Event, Place};
 use pmesh_core::Level;
 use std::collections::VecDeque;
 
 /// Triangles or vertices a step: a fraction of a millisecond.
 const STEP: usize = 512;
-/// Bytes that the range decoder may read past the end: it looks ahead by four.
-const OVERRUN: usize = 16;
 
 /// A block that is being decoded.
 enum Job {

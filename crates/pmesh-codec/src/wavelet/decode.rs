@@ -4,7 +4,7 @@ use super::layout::{Layout, Segment};
 use super::planes::Planes;
 use super::transform::{Along, join, lines, to_rgb};
 use super::{PIXELS_A_BYTE, Picture};
-use crate::range::RangeDecoder;
+use crate::range::{OVERRUN, RangeDecoder};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -12,8 +12,6 @@ use std::sync::Arc;
 const STEP_BLOCKS: usize = 24;
 /// Samples a piece of work, where samples are transformed or become pixels.
 const STEP_SAMPLES: usize = 1 << 14;
-/// Bytes that the range decoder may read past the end: it looks ahead by four.
-const OVERRUN: usize = 16;
 /// Steps of the transform that a picture is finer than what is known of it: it is smooth then, not blocky.
 const SMOOTH_STEPS: u32 = 2;
 
