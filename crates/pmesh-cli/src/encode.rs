@@ -375,6 +375,12 @@ fn image(texture: Option<Texture>, path: &Path, how: &How) -> Result<Option<Text
 }
 
 fn simplified(model: &Model, path: &Path, how: &How, kind: Stream, quiet: bool) -> Result<LevelStream> {
+    let mut bare = None;
+    if matches!(kind, Stream::Slod | Stream::Lod) && (!model.mesh.position_of.is_empty() || model.texture.is_some()) {
+        warn_of_positions_only(path);
+        bare = Some(Model { mesh: model.mesh.positions_only(), ..Default::default() });
+    }
+    let model = bare.as_ref().unwrap_or(model);
     let default = BuildOptions::default();
     let smooth = kind == Stream::Slod;
     let closest = how.simplifier.map_or(smooth, |s| s == Simplifier::Closest);
@@ -449,13 +455,17 @@ pub fn gzip(bytes: &[u8]) -> std::io::Result<Vec<u8>> {
     encoder.finish()
 }
 
+fn warn_of_positions_only(path: &Path) {
+    eprintln!(
+        "warning: {}: this format holds positions only; normals, colours and textures are left out (write a .pmesh to keep them)",
+        path.display()
+    );
+}
+
 /// For formats that hold positions only: attributes are dropped with a warning, positions quantised if asked for.
 fn positions_only(mut stream: LevelStream, path: &Path, how: &How) -> Result<ProgressiveMultilevelMesh> {
     if stream.attribute_set != Default::default() || stream.texture.is_some() {
-        eprintln!(
-            "warning: {}: this format holds positions only; normals, colours and textures are left out (write a .pmesh to keep them)",
-            path.display()
-        );
+        warn_of_positions_only(path);
     }
     let mut all = pmesh_core::IndexedMesh::default();
     for level in &mut stream.levels {

@@ -10,7 +10,8 @@ use std::path::{Path, PathBuf};
 const NAMED_FILE_LIMIT: u64 = 4 << 30;
 
 pub fn read(path: &Path) -> Result<Vec<u8>> {
-    fs::read(path).map_err(CliError::io(path))
+    let bytes = fs::read(path).map_err(CliError::io(path))?;
+    if bytes.is_empty() { Err(CliError::Other(format!("{}: the file is empty", path.display()))) } else { Ok(bytes) }
 }
 
 /// A stream after all its bytes, or as many as were to be read.

@@ -58,6 +58,25 @@ Shape { geometry ProgIndexedTriSet {
 } }";
 
 #[test]
+fn materials_colour_shapes_without_colours_of_their_own() {
+    let shape = |appearance: &str, more: &str| {
+        format!(
+            "Shape {{ {appearance} geometry IndexedFaceSet {{ coord Coordinate {{ point [0 0 0, 1 0 0, 0 1 0] }} coordIndex [0 1 2] {more} }} }}\n"
+        )
+    };
+    let red = shape("appearance Appearance { material DEF M Material { diffuseColor 1 0 0 transparency 0.5 } }", "");
+    let own = shape("appearance Appearance { material USE M }", "color Color { color [0 1 0, 0 1 0, 0 1 0] }");
+    let text = format!("#VRML V2.0 utf8\n{red}{own}{}", shape("", ""));
+    let read = read(&text);
+    assert_eq!(read.error, None);
+    let mesh = read.receiver.mesh().finest_mesh();
+    let colors = &mesh.vertices.attributes.colors;
+    assert_eq!([colors[0], colors[3], colors[6]], [[1.0, 0.0, 0.0, 0.5], [0.0, 1.0, 0.0, 1.0], [1.0; 4]]);
+    let old = self::read("#VRML V1.0 ascii\nSeparator { }");
+    assert!(old.error.is_some_and(|e| e.to_string().contains("VRML97")));
+}
+
+#[test]
 fn a_patch_that_is_no_fan_replaces_its_triangles() {
     let read = read(NO_FAN);
     assert_eq!((read.error.as_ref(), &read.warnings[..]), (None, &[][..]));

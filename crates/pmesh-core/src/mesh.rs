@@ -148,6 +148,24 @@ impl IndexedMesh {
         }
         Ok(())
     }
+    /// Positions and triangles alone: vertices that shared a position across a seam, and differed in attributes only, are one.
+    /// O(n).
+    pub fn positions_only(&self) -> Self {
+        let mut place: Vec<u32> = Vec::with_capacity(self.vertices.len());
+        let mut seams = self.position_of.iter().peekable();
+        let mut positions = Vec::new();
+        for (v, p) in self.vertices.positions.iter().enumerate() {
+            match seams.next_if(|s| s.0 as usize == v) {
+                Some(&(_, other)) => place.push(place[other as usize]),
+                None => {
+                    place.push(positions.len() as u32);
+                    positions.push(*p);
+                }
+            }
+        }
+        let triangles = self.triangles.iter().map(|t| t.map(|v| place[v as usize])).collect();
+        Self { vertices: Vertices { positions, ..Default::default() }, triangles, position_of: Vec::new() }
+    }
     /// Smallest and largest corner of the bounding box, or zeros for an empty mesh.
     pub fn bounds(&self) -> ([f32; 3], [f32; 3]) {
         bounds(&self.vertices.positions)
@@ -164,4 +182,22 @@ fn bounds(positions: &[[f32; 3]]) -> ([f32; 3], [f32; 3]) {
     positions
         .iter()
         .fold((first, first), |(lo, hi), p| (std::array::from_fn(|k| lo[k].min(p[k])), std::array::from_fn(|k| hi[k].max(p[k]))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn without_attributes_both_sides_of_a_seam_are_one_vertex() {
+        let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0; 3], [0.0, 1.0, 0.0], [0.0; 3]];
+        let texcoords = (0..5).map(|i| [i as f32, 0.0]).collect();
+        let vertices = Vertices { positions, attributes: Attributes { texcoords, ..Default::default() } };
+        let mesh = IndexedMesh { vertices, triangles: vec![[0, 1, 3], [2, 3, 1], [4, 1, 3]], position_of: vec![(2, 0), (4, 2)] };
+        mesh.check().expect("it is valid");
+        let bare = mesh.positions_only();
+        assert_eq!(bare.vertices.positions, [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+        assert_eq!(bare.triangles, [[0, 1, 2], [0, 2, 1], [0, 1, 2]]);
+        assert!(bare.position_of.is_empty() && bare.vertices.set() == Default::default());
+    }
 }

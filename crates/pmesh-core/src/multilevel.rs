@@ -143,7 +143,7 @@ impl ProgressiveMultilevelMesh {
         if self.ends.is_empty() {
             return Err(MeshError::Empty);
         }
-        if x < 0.0 {
+        if x < 0.0 || x > f64::from(self.level_count()) {
             return Err(self.no_such_level(x));
         }
         let fine = self.end(x.floor() as u32)?;

@@ -60,7 +60,12 @@ impl PropertyAccess for Face {
 }
 
 fn bad(error: ParseError, offset: usize, ascii: bool) -> BuildError {
-    let message = error.to_string();
+    // The parser's message goes on with what its grammar expected.
+    let text = error.to_string();
+    let first = text.lines().next().unwrap_or_default();
+    let message = first.split_once(": ").map_or(first, |parts| parts.1).trim_end_matches('.').to_string();
+    let line = text.lines().find_map(|l| l.trim().strip_prefix("String: "));
+    let message = line.map_or(message.clone(), |l| format!("{message} {}", l.trim_matches('\'')));
     match error.line() {
         Some(line) if ascii => BuildError::Line { format: "PLY", line, message },
         _ => BuildError::Byte { format: "PLY", offset, message },

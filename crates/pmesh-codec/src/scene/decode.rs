@@ -47,12 +47,17 @@ impl Decoder for SceneDecoder {
     fn finish(&mut self) -> Result<(), DecodeError> {
         let bytes = std::mem::take(&mut self.text);
         let text = String::from_utf8_lossy(bytes.strip_prefix(&BYTE_ORDER_MARK).unwrap_or(&bytes));
+        if text.starts_with("#VRML V1") {
+            self.failed = true;
+            let what = "VRML 1.0 is not read: convert it to VRML97 or X3D, which most modelling programs write";
+            return Err(DecodeError::syntax(Place::Line(1), what));
+        }
         let parsed = if text.trim_start().starts_with('<') { parse_xml(&text) } else { parse(&text) };
         let mut warnings = parsed.warnings;
         let shapes = shapes(&parsed.nodes, &parsed.protos, &mut warnings);
         let mut error = parsed.error;
-        let progressive = shapes.iter().find(|s| s.0.name == "ProgIndexedTriSet");
-        if let Some((node, _)) = progressive {
+        let progressive = shapes.iter().map(|s| s.node).find(|n| n.name == "ProgIndexedTriSet");
+        if let Some(node) = progressive {
             if shapes.len() > 1 {
                 warnings.push(format!("beside ProgIndexedTriSet {} other shapes are left out", shapes.len() - 1));
             }
@@ -67,7 +72,7 @@ impl Decoder for SceneDecoder {
                 // C.9: then all other fields are ignored.
                 self.events.push_back(Event::Elsewhere(node.texts("levelsUrl").into_iter().map(String::from).collect()));
             }
-        } else if let Some((node, _)) = shapes.iter().find(|s| s.0.name == "MultiLevelProgIfs") {
+        } else if let Some(node) = shapes.iter().map(|s| s.node).find(|n| n.name == "MultiLevelProgIfs") {
             match url(node) {
                 Some(url) => self.events.push_back(Event::Elsewhere(vec![url])),
                 None => error = error.or(Some((node.line, "MultiLevelProgIfs has no urlData".into()))),

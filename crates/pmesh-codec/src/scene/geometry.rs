@@ -66,12 +66,24 @@ fn transform(node: &Node) -> Matrix {
     .fold(translation(vector(node, "translation", [0.0; 3])), |m, next| times(&m, next))
 }
 
+/// What a Material shows where it does not say.
+const DEFAULT_DIFFUSE: [f32; 3] = [0.8; 3];
+
+/// A geometry, where it stands, and the colour of its material.
+#[derive(Clone, Copy)]
+pub(super) struct Shape<'a> {
+    pub(super) node: &'a Node,
+    at: Matrix,
+    color: Option<[f32; 4]>,
+}
+
 /// Geometry nodes with where they stand, in order, and what cannot be carried.
-pub(super) fn shapes<'a>(nodes: &'a [Node], protos: &[String], warnings: &mut Vec<String>) -> Vec<(&'a Node, Matrix)> {
+pub(super) fn shapes<'a>(nodes: &'a [Node], protos: &[String], warnings: &mut Vec<String>) -> Vec<Shape<'a>> {
     let mut out = Vec::new();
-    let mut waiting: Vec<(&Node, Matrix)> = nodes.iter().rev().map(|n| (n, IDENTITY)).collect();
-    while let Some((node, at)) = waiting.pop() {
-        let below = |field: &'static str, m: Matrix| node.nodes(field).map(move |n| (n, m)).collect::<Vec<_>>();
+    let mut waiting: Vec<Shape> = nodes.iter().rev().map(|node| Shape { node, at: IDENTITY, color: None }).collect();
+    while let Some(Shape { node, at, color }) = waiting.pop() {
+        let below =
+            |field: &'static str, at: Matrix| node.nodes(field).map(move |node| Shape { node, at, color }).collect::<Vec<_>>();
         let children = match node.name.as_str() {
             "Transform" => below("children", times(&at, &transform(node))),
             "Group" | "StaticGroup" | "Anchor" | "Collision" | "Billboard" | "Scene" | "X3D" => below("children", at),
@@ -82,9 +94,13 @@ pub(super) fn shapes<'a>(nodes: &'a [Node], protos: &[String], warnings: &mut Ve
                 let all = [below("choice", at), below("children", at)].concat();
                 if which >= 0.0 { all.into_iter().skip(which as usize).take(1).collect() } else { Vec::new() }
             }
-            "Shape" => below("geometry", at),
+            "Shape" => {
+                let material = node.nodes("appearance").flat_map(|a| a.nodes("material")).next();
+                let color = material.filter(|m| m.name == "Material").and_then(diffuse);
+                below("geometry", at).into_iter().map(|s| Shape { color, ..s }).collect()
+            }
             "IndexedFaceSet" | "IndexedTriangleSet" | "ProgIndexedTriSet" | "MultiLevelProgIfs" => {
-                out.push((node, at));
+                out.push(Shape { node, at, color });
                 Vec::new()
             }
             "Inline" => {
@@ -118,6 +134,14 @@ pub(super) fn shapes<'a>(nodes: &'a [Node], protos: &[String], warnings: &mut Ve
         waiting.extend(children.into_iter().rev());
     }
     out
+}
+
+/// A material's colour with its transparency, if it says one.
+fn diffuse(material: &Node) -> Option<[f32; 4]> {
+    let own = tuples::<3>(&material.numbers("diffuseColor")).first().copied();
+    let transparency = material.numbers("transparency").first().map(|&t| t as f32);
+    let [r, g, b] = own.or(transparency.map(|_| DEFAULT_DIFFUSE))?;
+    Some([r, g, b, 1.0 - transparency.unwrap_or(0.0)].map(|c| c.clamp(0.0, 1.0)))
 }
 
 /// The tuples of a list of numbers.
@@ -266,16 +290,21 @@ fn face_set(node: &Node, at: &Matrix, warnings: &mut Vec<String>) -> Result<Inde
 }
 
 /// All plain shapes in one mesh; an attribute that some lack is made up for: white, computed, zero.
-pub(super) fn merged(shapes: &[(&Node, Matrix)], warnings: &mut Vec<String>) -> Result<IndexedMesh, (u64, String)> {
-    let parts = shapes.iter().map(|(n, m)| face_set(n, m, warnings).map_err(|e| (n.line, e))).collect::<Result<Vec<_>, _>>()?;
+pub(super) fn merged(shapes: &[Shape], warnings: &mut Vec<String>) -> Result<IndexedMesh, (u64, String)> {
+    let parts =
+        shapes.iter().map(|s| face_set(s.node, &s.at, warnings).map_err(|e| (s.node.line, e))).collect::<Result<Vec<_>, _>>()?;
     let has = |f: fn(&Vertices) -> bool| parts.iter().any(|p| f(&p.vertices));
-    let wanted = (has(|v| v.set().colors), has(|v| v.set().normals), has(|v| v.set().texcoords));
+    let wanted = (
+        has(|v| v.set().colors) || shapes.iter().any(|s| s.color.is_some()),
+        has(|v| v.set().normals),
+        has(|v| v.set().texcoords),
+    );
     let mut out = IndexedMesh::default();
-    for mut part in parts {
+    for (mut part, shape) in parts.into_iter().zip(shapes) {
         let n = part.vertices.len();
         let a = &mut part.vertices.attributes;
         if wanted.0 {
-            a.colors.resize(n, [1.0; 4]);
+            a.colors.resize(n, shape.color.unwrap_or([1.0; 4]));
         }
         if wanted.1 && a.normals.is_empty() {
             a.normals = smooth_normals(&part.vertices.positions, &part.triangles, &part.position_of);
