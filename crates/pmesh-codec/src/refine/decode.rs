@@ -248,3 +248,72 @@ impl Decoder for RefinementDecoder {
         ]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Receiver;
+    use pmesh_core::{IndexedMesh, Vertices};
+    use proptest::prelude::*;
+
+    /// A square of 6 × 6 vertices, a fan taken out in the one file, a collapse undone in the other.
+    fn files() -> [Vec<u8>; 2] {
+        let positions = (0..36).map(|v| [(v % 6) as f32, (v / 6) as f32, 0.0]).collect();
+        let cell = |c: u32| {
+            let a = c / 5 * 6 + c % 5;
+            [[a, a + 1, a + 7], [a, a + 7, a + 6]]
+        };
+        let triangles: Vec<[u32; 3]> = (0..25).flat_map(cell).collect();
+        let mesh = IndexedMesh { vertices: Vertices { positions, ..Default::default() }, triangles, ..Default::default() };
+        let (mut parents, mut levels) = (vec![0; 36], vec![0; 36]);
+        for (v, p) in [(7, 8), (28, 27), (25, 19)] {
+            (parents[v], levels[v]) = (p, 1);
+        }
+        let split = crate::split::SplitStream { mesh: mesh.clone(), parents, levels, ..Default::default() };
+        let around = |t: &[u32; 3]| t.contains(&14);
+        let mut base: Vec<[u32; 3]> = mesh.triangles.iter().copied().filter(|t| !around(t)).collect();
+        let chain = vec![15, 21, 20, 13, 7];
+        base.extend(chain.windows(2).map(|w| [8, w[0], w[1]]));
+        let removed = vec![crate::patch::Removed { vertex: 14, apex: 8, chain, color: 1 }];
+        let levels = vec![crate::patch::PatchLevel { removed }];
+        let patch = crate::patch::PatchStream { mesh, base_triangles: base, levels, ..Default::default() };
+        let mut out = [Vec::new(), Vec::new()];
+        crate::patch::encode(&patch, None, &mut out[0]).expect("it encodes");
+        crate::split::encode(&split, None, &mut out[1]).expect("it encodes");
+        out
+    }
+
+    /// The file with other bytes for its second level, all checksums right.
+    fn forged(file: &[u8], level: &[u8], count: u32) -> Vec<u8> {
+        let length = usize::from(u16::from_le_bytes([file[9], file[10]]));
+        let mut header = Header::from_bytes(&file[..length]).expect("it is ours");
+        let base = &file[length..length + header.blocks[0].byte_count as usize];
+        let block = &mut header.blocks[1];
+        (block.byte_count, block.checksum) = (level.len() as u32, crc32fast::hash(level));
+        (block.new_vertices, block.new_triangles) = (count, 2 * count);
+        [&header.to_bytes()[..], base, level].concat()
+    }
+
+    #[test]
+    fn the_files_that_are_forged_are_whole() {
+        for (file, count) in files().iter().zip([1, 3]) {
+            let mut receiver = Receiver::default();
+            receiver.push(file).and_then(|()| receiver.finish()).expect("it decodes");
+            assert_eq!(receiver.mesh().vertex_count(1).map(|n| n + count), receiver.mesh().vertex_count(0));
+        }
+    }
+
+    proptest! {
+        /// Any bytes for a level on a good base: an error, or a level that the mesh holds.
+        #[test]
+        fn no_level_makes_it_panic(noise in prop::collection::vec(any::<u8>(), 0..60), zeros in 0usize..40, count in 0u32..12) {
+            let level = [&vec![0; zeros][..], &noise].concat();
+            for file in files() {
+                let mut receiver = Receiver::default();
+                let _ = receiver.push(&forged(&file, &level, count)).and_then(|()| receiver.finish());
+                receiver.mesh().check_invariants();
+                prop_assert!(receiver.mesh().arrived_levels() >= 1);
+            }
+        }
+    }
+}

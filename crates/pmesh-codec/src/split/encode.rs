@@ -99,11 +99,8 @@ pub fn encode(stream: &SplitStream, position_bits: Option<u8>, out: &mut impl Wr
     let mut waiting: Vec<u32> = Vec::new();
     for (i, &t) in mesh.triangles.iter().enumerate() {
         let later = vanishes(t.map(|v| stands[v as usize])) && !vanishes(t);
-        if later {
-            waiting.push(i as u32)
-        } else {
-            coarse.push(i as u32)
-        };
+        let list = if later { &mut waiting } else { &mut coarse };
+        list.push(i as u32);
     }
     let base: Vec<[u32; 3]> = coarse.iter().map(|&i| mesh.triangles[i as usize].map(|v| stands[v as usize])).collect();
     let later = |v: u32| stream.levels[v as usize] > 0;
@@ -192,7 +189,8 @@ pub fn encode(stream: &SplitStream, position_bits: Option<u8>, out: &mut impl Wr
 
 /// Marks the edge between two vertices, seen from both sides.
 fn mark(surface: &Surface, marked: &mut [bool], a: u32, b: u32) -> Option<()> {
-    let start = surface.corner_of[a as usize];
+    // A vertex whose triangles have all vanished is not on the surface.
+    let start = *surface.corner_of.get(a as usize)?;
     let mut at = start;
     let mut turned_back = false;
     loop {
