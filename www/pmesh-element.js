@@ -21,7 +21,7 @@ const ROTATE_SPEED = 0.5;
  *
  * @element p-mesh
  *
- * @attr {string} src - URL of a .pmesh, .lod or .lod.gz file. Changing it aborts the download before.
+ * @attr {string} src - URL of a stream of any kind. Changing it aborts the download before.
  * @attr {number} level - Level of detail to show: 0 is the finest, fractions morph. Without it the newest shows.
  *   Kept until it has arrived; the nearest that is there shows meanwhile. Downloading stops once it is reached.
  * @attr {number} max-triangles - Show, and download, no level of more triangles than this, whatever level asks for (the

@@ -78,6 +78,19 @@ fn a_limit_is_kept_and_more_bytes_are_better() {
 }
 
 #[test]
+fn large_images_are_believed_from_their_first_part_on() {
+    let image = painted(2500, 2000, false);
+    let all = encode(&image, Some(20_000)).expect("it encodes");
+    assert!(all.len() > 2 && all[0].len() >= 2500 * 2000 / 2048, "{}", all[0].len());
+    let mut decoder = PictureDecoder::default();
+    for part in &all {
+        decoder.push(part);
+        while decoder.work().expect("it decodes") {}
+    }
+    assert_eq!((decoder.picture().0.width, decoder.picture().0.height), (2500, 2000));
+}
+
+#[test]
 fn parts_may_wait_for_each_other() {
     let image = painted(100, 60, false);
     let all = encode(&image, None).expect("it encodes");

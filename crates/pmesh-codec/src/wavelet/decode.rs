@@ -19,8 +19,6 @@ const SMOOTH_STEPS: u32 = 2;
 #[derive(Default)]
 pub struct PictureDecoder {
     parts: VecDeque<Vec<u8>>,
-    /// Bytes of all parts, announced or here.
-    bytes: u64,
     state: Option<State>,
     part: Option<Part>,
     making: Option<Making>,
@@ -41,7 +39,6 @@ struct Part {
 impl PictureDecoder {
     /// Takes a part, whole.
     pub fn push(&mut self, part: &[u8]) {
-        self.bytes += part.len() as u64;
         self.parts.push_back(part.to_vec());
     }
     /// The picture as sharp as it was made last, and how many times it was.
@@ -79,7 +76,7 @@ impl PictureDecoder {
         let Some(mut bytes) = self.parts.pop_front() else { return Ok(false) };
         let mut at = 0;
         if self.state.is_none() {
-            let (state, length) = header(&bytes, self.bytes)?;
+            let (state, length) = header(&bytes)?;
             (self.state, at) = (Some(state), length);
         }
         let count = bytes.get(at..at + 2).and_then(|b| b.try_into().ok()).ok_or("it is shorter than its header")?;
@@ -90,11 +87,11 @@ impl PictureDecoder {
 }
 
 /// Size, channels and planes from the front of the first part, and how long that is.
-fn header(bytes: &[u8], all_bytes: u64) -> Result<(State, usize), &'static str> {
+fn header(bytes: &[u8]) -> Result<(State, usize), &'static str> {
     let [w0, w1, h0, h1, channels] = *bytes.first_chunk::<5>().ok_or("it is shorter than its header")?;
     let size = (u16::from_le_bytes([w0, w1]).into(), u16::from_le_bytes([h0, h1]).into());
     let layout = Layout::new(size.0, size.1, channels.into()).ok_or("an image of a size or of channels that it cannot have")?;
-    if layout.samples() as u64 > all_bytes * PIXELS_A_BYTE {
+    if layout.samples() as u64 > bytes.len() as u64 * PIXELS_A_BYTE {
         return Err("it announces more pixels than its bytes can hold");
     }
     let planes: Vec<u32> =

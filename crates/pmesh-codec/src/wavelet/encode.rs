@@ -42,23 +42,25 @@ pub fn encode(picture: &Picture, limit: Option<usize>) -> Result<Vec<Vec<u8>>, E
         parts.push(part);
         length
     };
+    // What is announced must be believed after the first part alone.
+    let least = (layout.samples() as u64).div_ceil(PIXELS_A_BYTE) as usize;
+    let first_part = FIRST_PART.max(least);
     for s in layout.segments(&planes) {
         if limit.is_some_and(|most| total + coder.byte_count() >= most) {
             break;
         }
         while !coder_planes.step(&mut coder, s, Some(&coefficients[s.channel]), usize::MAX) {}
         segments += 1;
-        if coder.byte_count() >= FIRST_PART.max(total) {
+        if coder.byte_count() >= first_part.max(total) {
             total += close(&mut coder, &mut segments, &mut parts);
         }
     }
     if segments > 0 || parts.is_empty() {
-        total += close(&mut coder, &mut segments, &mut parts);
+        close(&mut coder, &mut segments, &mut parts);
     }
     // What packs better than a decoder believes is filled up.
-    let least = (layout.samples() as u64).div_ceil(PIXELS_A_BYTE) as usize;
-    if let Some(first) = parts.first_mut().filter(|_| total < least) {
-        first.resize(first.len() + least - total, 0);
+    if let Some(first) = parts.first_mut().filter(|first| first.len() < least) {
+        first.resize(least, 0);
     }
     Ok(parts)
 }
