@@ -6,7 +6,7 @@ const STREAMS = [
   ["samples/knot.pfs", ".pfs", "forest splits, entropy-coded", "#b0872a"],
   ["samples/knot.slod", ".slod", "SS97's packets, a level a vertex", "#3c8a4d"],
   ["samples/knot.lod.gz", ".lod.gz", "GV99's text, gzipped", "#7a5bb0"],
-  ["samples/knot.x3d", ".x3d", "FC01's nodes in X3D, read at the end", "#777777"],
+  ["samples/knot.x3d", ".x3d", "FC01's nodes in X3D, looked at whenever the text has doubled", "#777777"],
 ];
 
 const byId = (id) => document.getElementById(id);

@@ -99,6 +99,29 @@ fn g18_the_first_picture_takes_5_kilobytes() {
 }
 
 #[test]
+fn levels_of_nodes_show_before_the_scene_is_whole() {
+    use pmesh_codec::scene::{Encoding, write};
+    let mesh = quantise(&sample("part").expect("it is built in").mesh, Some(12));
+    let stream = taken_apart(&mesh, 300);
+    for encoding in [Encoding::Vrml97, Encoding::X3dClassic, Encoding::X3dXml] {
+        let mut text = Vec::new();
+        write(&stream, encoding, &mut text).expect("it writes");
+        let (mut whole, mut cut) = (Receiver::default(), Receiver::default());
+        whole.push(&text).and_then(|()| whole.finish()).expect("it reads");
+        let mut shown = Vec::new();
+        for piece in text.chunks(777) {
+            cut.push(piece).expect("it reads");
+            let bytes = cut.bytes();
+            shown.extend(std::iter::from_fn(|| cut.poll()).filter(|a| matches!(a, Arrival::Level { .. })).map(|_| bytes));
+        }
+        cut.finish().expect("it reads");
+        assert!(shown.len() > 5 && shown[0] < text.len() as u64 / 10, "{encoding:?}: {shown:?} of {}", text.len());
+        assert_eq!(difference(&cut.mesh().finest_mesh(), &whole.mesh().finest_mesh()), None);
+        assert_eq!(cut.mesh().arrived_levels() as usize, stream.levels.len() + 1);
+    }
+}
+
+#[test]
 fn every_attribute_and_both_sides_of_a_seam_survive() {
     let model = sample("globe").expect("it is built in");
     for bits in [Some(12), None] {

@@ -155,31 +155,32 @@ enum Simplifier {
 pub fn run(args: &Args, quiet: bool) -> Result<()> {
     let kind = Stream::of(&args.output, &args.how)?;
     let bytes = input::read(&args.input)?;
-    let is_stream = input::is_stream(&args.input, &bytes);
-    if is_stream && !matches!(kind, Stream::Patch | Stream::Split | Stream::Nodes) && !input::is_plain_scene(&bytes) {
-        let stream = kept_levels(&args.input, &bytes)?;
+    let model = if input::is_stream(&args.input, &bytes) {
+        let stream = input::decode_whole(&args.input, &bytes)?;
+        stream.warn(&args.input);
+        // Patches and forests are levels of their own kind.
+        let own_kind = matches!(kind, Stream::Patch | Stream::Split | Stream::Nodes);
+        let levels = if own_kind || stream.is_plain_scene() { None } else { kept_levels(&stream) };
         // A .pmesh has no table for a level a vertex: it gets levels of its own.
-        if kind != Stream::Pmesh || stream.levels.len() < 64 {
-            args.how.warn_of_kept_levels(&args.input);
-            let stream = LevelStream { texture: image(stream.texture, &args.input, &args.how)?, ..stream };
-            return write_stream(stream, &args.output, &args.how, quiet);
+        match levels.filter(|l| kind != Stream::Pmesh || l.levels.len() < 64) {
+            Some(levels) => {
+                args.how.warn_of_kept_levels(&args.input);
+                let texture = image(stream.texture, &args.input, &args.how)?;
+                return write_stream(LevelStream { texture, ..levels }, &args.output, &args.how, quiet);
+            }
+            None if stream.receiver.mesh().arrived_levels() > 1 => {
+                eprintln!("warning: {}: its levels cannot be kept; they are made anew from the finest", args.input.display());
+            }
+            None => {}
         }
-    }
-    let model = if is_stream { finest(&args.input, &bytes)? } else { input::model(&args.input, &bytes)? };
+        Model { mesh: stream.receiver.mesh().finest_mesh(), texture: stream.texture, ..Default::default() }
+    } else {
+        input::model(&args.input, &bytes)?
+    };
     for warning in &model.warnings {
         eprintln!("warning: {}: {warning}", args.input.display());
     }
     encode_model(model, &args.input, &args.output, &args.how, quiet)
-}
-
-/// Patches and forests are levels of their own kind: a stream is decoded to its finest mesh first.
-fn finest(path: &Path, bytes: &[u8]) -> Result<Model> {
-    let stream = input::decode_whole(path, bytes)?;
-    stream.warn(path);
-    if stream.receiver.mesh().arrived_levels() > 1 {
-        eprintln!("warning: {}: this stream has levels of its own kind; they are made anew from the finest", path.display());
-    }
-    Ok(Model { mesh: stream.receiver.mesh().finest_mesh(), texture: stream.texture, ..Default::default() })
 }
 
 /// Writes patches, as bytes or as nodes, or forest splits.
@@ -309,19 +310,13 @@ fn split_levels(bytes: &[u8], output: &Path, quiet: bool) -> Result<()> {
     }
 }
 
-pub fn kept_levels(path: &Path, bytes: &[u8]) -> Result<LevelStream> {
-    let stream = input::decode_whole(path, bytes)?;
-    stream.warn(path);
+/// The levels of a stream, but for its image; `None` where vertices move or triangles are replaced between them.
+fn kept_levels(stream: &input::Stream) -> Option<LevelStream> {
     let mesh = stream.receiver.mesh();
-    let levels = mesh.to_levels().ok_or_else(|| {
-        CliError::Other(format!(
-            "{}: its vertices move or triangles are replaced between levels; decode it to a mesh and encode that",
-            path.display()
-        ))
-    })?;
+    let levels = mesh.to_levels()?;
     let table = stream.receiver.info().and_then(|i| i.levels.clone());
     let errors = table.map_or(vec![0.0; levels.len()], |t| t.iter().map(|l| l.error).collect());
-    Ok(LevelStream { attribute_set: mesh.attribute_set(), levels, errors, texture: stream.texture })
+    Some(LevelStream { attribute_set: mesh.attribute_set(), levels, errors, texture: None })
 }
 
 /// Bits a coordinate of a `.pmesh`, if nothing else is asked for: no grid is seen at any screen's size.

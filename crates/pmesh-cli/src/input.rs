@@ -28,6 +28,10 @@ pub struct Stream {
 }
 
 impl Stream {
+    /// True of a scene with plain face sets: a mesh, though a decoder reads it.
+    pub fn is_plain_scene(&self) -> bool {
+        self.receiver.info().is_some_and(|i| i.format == pmesh_codec::scene::PLAIN)
+    }
     /// Says what was odd.
     pub fn warn(&self, path: &Path) {
         self.warnings.iter().for_each(|w| eprintln!("warning: {}: {w}", path.display()));
@@ -43,13 +47,6 @@ pub fn is_stream(path: &Path, bytes: &[u8]) -> bool {
         || bytes.starts_with(&pmesh_codec::split::SIGNATURE)
         || bytes.starts_with(&[0x1f, 0x8b])
         || [".pmesh", ".lod", ".lod.gz", ".slod", ".pits", ".pfs", ".wrl", ".x3dv", ".x3d"].iter().any(|e| name.ends_with(e))
-}
-
-/// True if the bytes are a scene with plain face sets: a mesh, though a decoder reads it.
-pub fn is_plain_scene(bytes: &[u8]) -> bool {
-    let head = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
-    let scene = head.starts_with(b"<") || head.starts_with(b"#VRML") || head.starts_with(b"#X3D");
-    scene && decode(bytes, true).receiver.mesh().arrived_levels() <= 1
 }
 
 /// Decodes `bytes`; an error ends it but what came before stays. `whole` says that the stream is meant to end there.

@@ -58,6 +58,22 @@ Shape { geometry ProgIndexedTriSet {
 } }";
 
 #[test]
+fn what_stands_after_levels_that_were_shown_is_an_error() {
+    // Long enough to be looked at before its end.
+    let filler = "# filler\n".repeat(3000);
+    let late = REPAIRED.replace(
+        "  ]\n} }",
+        &format!("  ]\n{filler} color Color {{ color [1 0 0, 1 0 0, 1 0 0, 1 0 0, 1 0 0, 1 0 0, 1 0 0, 1 0 0, 1 0 0] }}\n}} }}"),
+    );
+    let read = read(&late);
+    assert!(read.error.is_some_and(|e| e.to_string().contains("levels last")));
+    assert_eq!(read.receiver.mesh().arrived_levels(), 2);
+    let fine = REPAIRED.replace("  ]\n} }", &format!("  ]\n{filler}\n}} }}"));
+    let read = self::read(&fine);
+    assert_eq!((read.error.as_ref(), counts(&read)), (None, vec![(9, 8), (10, 10), (13, 16)]));
+}
+
+#[test]
 fn materials_colour_shapes_without_colours_of_their_own() {
     let shape = |appearance: &str, more: &str| {
         format!(

@@ -14,5 +14,5 @@ mod write;
 mod x3d;
 
 pub(crate) use decode::BYTE_ORDER_MARK;
-pub use decode::SceneDecoder;
+pub use decode::{PLAIN, SceneDecoder};
 pub use write::{Encoding, write, write_urls};

@@ -11,6 +11,8 @@ pub(super) struct Levels {
     pub(super) levels: Vec<Level>,
     pub(super) warnings: Vec<String>,
     pub(super) error: Option<(u64, String)>,
+    /// Triangles of the base were turned over, so that patches come out.
+    pub(super) turned: bool,
 }
 
 /// The mean of a patch's rim: where FC01's decoder expects its vertex (C.4). In `f64`, so that a correction gives back
@@ -74,13 +76,17 @@ fn orient(triangles: &mut [[u32; 3]]) -> usize {
     count
 }
 
-/// Reads a node. `truncated` says that its last `ProgLOD` may be cut short and does not count.
-pub(super) fn read(node: &Node, truncated: bool) -> Levels {
+/// Reads a node. `truncated` says that its last `ProgLOD` may be cut short and does not count; `settled` whether the base is
+/// turned over, if that is known.
+pub(super) fn read(node: &Node, truncated: bool, settled: Option<bool>) -> Levels {
     let attempt = |turn: bool| {
-        let mut out = Levels { levels: Vec::new(), warnings: Vec::new(), error: None };
+        let mut out = Levels { levels: Vec::new(), warnings: Vec::new(), error: None, turned: turn };
         out.error = levels(node, truncated, turn, &mut out).err().map(|what| (node.line, what));
         out
     };
+    if let Some(turn) = settled {
+        return attempt(turn);
+    }
     let as_it_is = attempt(false);
     if as_it_is.error.is_none() || as_it_is.levels.is_empty() {
         return as_it_is;
