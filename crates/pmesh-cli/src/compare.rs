@@ -42,6 +42,9 @@ pub fn run(args: &Args) -> Result<()> {
     output::say(
         "model              stream       bytes  bits/vertex   levels  first picture at  decode ms    error at 5 kB    15 kB    30 kB",
     )?;
+    if let Some(folder) = &args.keep {
+        std::fs::create_dir_all(folder).map_err(CliError::io(folder))?;
+    }
     for path in &args.inputs {
         let mut model = input::model(path, &input::read(path)?)?;
         model.mesh.vertices.attributes = Default::default();

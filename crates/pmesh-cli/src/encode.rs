@@ -37,12 +37,12 @@ pub struct Args {
 }
 
 /// What `encode` and `sample` share
-#[derive(clap::Args, Default)]
+#[derive(clap::Args, Clone, Default)]
 pub struct How {
     /// Kind of stream [default: as the output's name says]
     #[arg(long, value_enum)]
     stream: Option<Stream>,
-    /// Bits a coordinate, 8 to 16, or "none" to keep every float; the grid's step is the longest side / (2^N - 1) [default: 14
+    /// Bits a coordinate, 8 to 16, or "none" to keep every float; the grid's step is the longest side / (2^N - 1) [default: what a stream has that is converted; of a mesh 14
     /// for .pmesh, .pits and .pfs, none for the others]
     #[arg(long, value_parser = parse_bits)]
     bits: Option<Bits>,
@@ -153,20 +153,30 @@ enum Simplifier {
 }
 
 pub fn run(args: &Args, quiet: bool) -> Result<()> {
+    let place = |p: &Path| p.canonicalize().ok();
+    if place(&args.output).is_some_and(|out| place(&args.input) == Some(out)) {
+        return Err(CliError::Other(format!(
+            "{}: input and output are the same file: name another output",
+            args.output.display()
+        )));
+    }
+    let mut how = args.how.clone();
     let kind = Stream::of(&args.output, &args.how)?;
     let bytes = input::read(&args.input)?;
     let model = if input::is_stream(&args.input, &bytes) {
         let stream = input::decode_whole(&args.input, &bytes)?;
         stream.warn(&args.input);
+        // What is exact stays exact, and what is on a grid stays on one as fine, unless something else is asked for.
+        how.bits = how.bits.or(stream.receiver.info().map(|i| Bits(i.position_bits)));
         // Patches and forests are levels of their own kind.
         let own_kind = matches!(kind, Stream::Patch | Stream::Split | Stream::Nodes);
         let levels = if own_kind || stream.is_plain_scene() { None } else { kept_levels(&stream) };
         // A .pmesh has no table for a level a vertex: it gets levels of its own.
         match levels.filter(|l| kind != Stream::Pmesh || l.levels.len() < 64) {
             Some(levels) => {
-                args.how.warn_of_kept_levels(&args.input);
-                let texture = image(stream.texture, &args.input, &args.how)?;
-                return write_stream(LevelStream { texture, ..levels }, &args.output, &args.how, quiet);
+                how.warn_of_kept_levels(&args.input);
+                let texture = image(stream.texture, &args.input, &how);
+                return write_stream(LevelStream { texture, ..levels }, &args.output, &how, quiet);
             }
             None if stream.receiver.mesh().arrived_levels() > 1 => {
                 eprintln!("warning: {}: its levels cannot be kept; they are made anew from the finest", args.input.display());
@@ -180,7 +190,7 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
     for warning in &model.warnings {
         eprintln!("warning: {}: {warning}", args.input.display());
     }
-    encode_model(model, &args.input, &args.output, &args.how, quiet)
+    encode_model(model, &args.input, &args.output, &how, quiet)
 }
 
 /// Writes patches, as bytes or as nodes, or forest splits.
@@ -349,7 +359,7 @@ impl How {
 
 /// Encodes `model` as the stream that `output` names, as `how` says.
 pub fn encode_model(mut model: Model, input: &Path, output: &Path, how: &How, quiet: bool) -> Result<()> {
-    model.texture = image(model.texture, input, how)?;
+    model.texture = image(model.texture, input, how);
     match Stream::of(output, how)? {
         Stream::Patch | Stream::Split | Stream::Nodes => write_refinements(model, input, output, how, quiet),
         kind => write_stream(simplified(&model, input, how, kind, quiet)?, output, how, quiet),
@@ -357,16 +367,24 @@ pub fn encode_model(mut model: Model, input: &Path, output: &Path, how: &How, qu
 }
 
 /// The base-colour image as it is asked for.
-fn image(texture: Option<Texture>, path: &Path, how: &How) -> Result<Option<Texture>> {
+fn image(texture: Option<Texture>, path: &Path, how: &How) -> Option<Texture> {
     let Some(texture) = texture else {
         if how.image.is_some() {
             eprintln!("warning: {}: it has no base-colour image; --image has no effect", path.display());
         }
-        return Ok(None);
+        return None;
     };
-    let (texture, warning) = picture::convert(texture, how.image.unwrap_or_default()).map_err(CliError::build(path))?;
-    warning.into_iter().for_each(|w| eprintln!("warning: {}: {w}", path.display()));
-    Ok(Some(texture))
+    match picture::convert(texture, how.image.unwrap_or_default()) {
+        Ok((texture, warning)) => {
+            warning.into_iter().for_each(|w| eprintln!("warning: {}: {w}", path.display()));
+            Some(texture)
+        }
+        // A model is more than its image.
+        Err(e) => {
+            eprintln!("warning: {}: {e}; the model is written without it", path.display());
+            None
+        }
+    }
 }
 
 fn simplified(model: &Model, path: &Path, how: &How, kind: Stream, quiet: bool) -> Result<LevelStream> {

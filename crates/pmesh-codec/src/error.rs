@@ -27,7 +27,7 @@ impl fmt::Display for Place {
 #[allow(missing_docs)] // the fields are named in the messages
 pub enum DecodeError {
     #[error(
-        "this is not a progressive mesh: it begins with {found}; .pmesh, .pits, .slod, .lod, VRML97 and X3D files, gzipped or not, are read. Make one with `pmesh encode`"
+        "this is not a progressive mesh: it begins with {found}; .pmesh, .pits, .pfs, .slod, .lod, VRML97 and X3D files, gzipped or not, are read. Make one with `pmesh encode`"
     )]
     UnknownFormat { found: String },
     #[error(

@@ -103,7 +103,14 @@ fn parts_may_wait_for_each_other() {
 
 #[test]
 fn flat_images_and_single_pixels_come_back() {
-    for (width, height, color) in [(1, 1, [3, 4, 5, 6]), (1, 300, [9; 4]), (4096, 700, [255; 4]), (7, 5, [0, 0, 0, 0])] {
+    for (width, height, color) in [
+        (1, 1, [3, 4, 5, 6]),
+        (1, 300, [9; 4]),
+        (4096, 700, [255; 4]),
+        (7, 5, [0, 0, 0, 0]),
+        (16, 16, [255, 0, 0, 128]),
+        (2, 2, [128; 4]),
+    ] {
         let pixels = color.repeat((width * height) as usize);
         let image = Picture { width, height, pixels };
         assert_eq!(decoded(&encode(&image, None).expect("it encodes")).0, image);

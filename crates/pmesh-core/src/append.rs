@@ -41,8 +41,9 @@ impl ProgressiveMultilevelMesh {
     pub fn append(&mut self, part: &Level) -> Result<Change, MeshError> {
         let named = self.note_future_representatives(part)?;
         let result = self.plan(part).and_then(|plan| {
-            let corners = self.move_corners(part, &plan)?;
-            Ok((plan, corners))
+            self.retired.add(&part.retired, self.ends.last().map_or(0, |e| e.triangles), self.arrived_levels())?;
+            let moved = self.move_corners(part, &plan);
+            moved.inspect_err(|_| self.retired.undo(&part.retired)).map(|corners| (plan, corners))
         });
         match result {
             Ok((plan, corners)) => Ok(self.apply(part, plan, corners)),
@@ -74,7 +75,7 @@ impl ProgressiveMultilevelMesh {
         }
         let superseded = self.ends.last().map_or(0, |e| e.superseded) + moved.len() as u32;
         let (vertices, triangles) = (self.vertices.len() as u32, self.triangles.len() as u32);
-        self.ends.push(LevelEnd { vertices, triangles, superseded, retired: self.retired.len() as u32 });
+        self.ends.push(LevelEnd { vertices, triangles, superseded, retired: self.retired.count() });
         Ok(Change { corners })
     }
 
@@ -116,7 +117,6 @@ impl ProgressiveMultilevelMesh {
         part.moved.values.check(self.attribute_set, first)?;
         self.check_moves(part)?;
         self.check_seams(part)?;
-        self.retired.check(&part.retired, self.ends.last().map_or(0, |e| e.triangles))?;
         let parents = self.plan_parents(part)?;
         let mut plan = Plan { parents, triangles: Vec::with_capacity(part.triangles.len()), waiting: Vec::new() };
         let arrived = first + part.vertices.len() as u32;
@@ -269,7 +269,6 @@ impl ProgressiveMultilevelMesh {
             }
         }
         self.triangles.extend_from_slice(&plan.triangles);
-        self.retired.add(&part.retired, self.arrived_levels());
         plan.waiting.iter().for_each(|&(v, corner)| self.pending.wait(v, corner));
         self.apply_moves(part);
         Change { corners }

@@ -211,7 +211,7 @@ impl ProgressiveMultilevelMesh {
             + self.triangles.capacity() * 12
             + self.ends.capacity() * size_of::<LevelEnd>()
             + self.seams.capacity() * 8
-            + self.retired.len() * 16
+            + self.retired.memory_bytes()
             + self.versions.as_ref().map_or(0, |v| v.memory_bytes())
     }
 
@@ -225,7 +225,7 @@ impl ProgressiveMultilevelMesh {
             assert!(p == crate::forest::NO_REPRESENTATIVE || (p < v && level_of(p) < level_of(v)), "{v} -> {p}");
         }
         assert!(self.triangles.iter().flatten().all(|&v| v < n));
-        assert!(self.retired.iter().all(|(t, step)| (t as usize) < self.triangles.len() && step <= self.arrived_levels()));
+        assert!(self.retired.count() <= self.triangles.len() as u32);
         let monotone = |w: &[LevelEnd]| w[0].vertices <= w[1].vertices && w[0].triangles <= w[1].triangles;
         assert!(self.ends.windows(2).all(monotone));
         if let Some(e) = self.ends.last() {

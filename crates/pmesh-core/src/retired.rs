@@ -4,53 +4,64 @@
 //! prefix of the triangles alone: whoever draws or copies one leaves out what is retired there.
 
 use crate::{MeshError, ProgressiveMultilevelMesh};
-use std::collections::HashMap;
 
-/// The step, counted from the coarsest level, from which on a triangle is gone.
+const NEVER: u32 = u32::MAX;
+
+/// The step, counted from the coarsest level, from which on each triangle is gone; empty while none is.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Retired(HashMap<u32, u32>);
+pub(crate) struct Retired {
+    from: Vec<u32>,
+    count: u32,
+}
 
 impl Retired {
-    pub(crate) fn is_empty(&self) -> bool {
-        self.0.is_empty()
+    pub(crate) fn count(&self) -> u32 {
+        self.count
     }
-    pub(crate) fn len(&self) -> usize {
-        self.0.len()
+    pub(crate) fn memory_bytes(&self) -> usize {
+        self.from.capacity() * 4
     }
     /// True if the triangle is gone at that step.
     pub(crate) fn at(&self, triangle: u32, step: u32) -> bool {
-        self.0.get(&triangle).is_some_and(|&from| from <= step)
+        self.from.get(triangle as usize).is_some_and(|&from| from <= step)
     }
-    /// Checks what a part retires: triangles of earlier levels (the first `known`), each once.
-    pub(crate) fn check(&self, part: &[u32], known: u32) -> Result<(), MeshError> {
-        let mut sorted = part.to_vec();
-        sorted.sort_unstable();
-        let twice = sorted.windows(2).find(|w| w[0] == w[1]).map(|w| w[0]);
-        let bad = twice.or_else(|| part.iter().copied().find(|&t| t >= known || self.0.contains_key(&t)));
-        bad.map_or(Ok(()), |triangle| Err(MeshError::BadRetirement { triangle }))
+    /// Notes that a part replaces triangles of earlier levels (the first `known`), each once; on an error nothing is noted.
+    pub(crate) fn add(&mut self, part: &[u32], known: u32, step: u32) -> Result<(), MeshError> {
+        if part.is_empty() {
+            return Ok(());
+        }
+        self.from.resize(self.from.len().max(known as usize), NEVER);
+        for (i, &triangle) in part.iter().enumerate() {
+            match self.from.get_mut(triangle as usize).filter(|f| triangle < known && **f == NEVER) {
+                Some(from) => *from = step,
+                None => {
+                    part[..i].iter().for_each(|&t| self.from[t as usize] = NEVER);
+                    return Err(MeshError::BadRetirement { triangle });
+                }
+            }
+        }
+        self.count += part.len() as u32;
+        Ok(())
     }
-    pub(crate) fn add(&mut self, part: &[u32], step: u32) {
-        self.0.extend(part.iter().map(|&t| (t, step)));
-    }
-    /// Triangles with the step at which they go.
-    pub(crate) fn iter(&self) -> impl Iterator<Item = (u32, u32)> {
-        self.0.iter().map(|(&t, &step)| (t, step))
+    pub(crate) fn undo(&mut self, part: &[u32]) {
+        part.iter().for_each(|&t| self.from[t as usize] = NEVER);
+        self.count -= part.len() as u32;
     }
 }
 
 impl ProgressiveMultilevelMesh {
     /// True if some level replaces triangles of coarser ones.
     pub fn has_retired(&self) -> bool {
-        !self.retired.is_empty()
+        self.retired.count() > 0
     }
     /// True if triangle `triangle`, though among the first of `level`, has been replaced there. O(1).
     pub fn is_retired_at(&self, triangle: u32, level: u32) -> bool {
-        !self.retired.is_empty() && self.retired.at(triangle, self.level_count().saturating_sub(1).saturating_sub(level))
+        self.retired.at(triangle, self.level_count().saturating_sub(1).saturating_sub(level))
     }
-    /// Triangles that are gone at one of two levels and not at the other. O(retired triangles).
+    /// Triangles that are gone at one of two levels and not at the other. O(triangles).
     pub fn retired_between(&self, level: u32, other: u32) -> Vec<u32> {
-        let differs = |&(t, _): &(u32, u32)| self.is_retired_at(t, level) != self.is_retired_at(t, other);
-        self.retired.iter().filter(differs).map(|(t, _)| t).collect()
+        let differs = |&t: &u32| self.is_retired_at(t, level) != self.is_retired_at(t, other);
+        (0..self.triangles.len() as u32).filter(differs).collect()
     }
 }
 

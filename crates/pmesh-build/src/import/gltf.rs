@@ -247,7 +247,14 @@ impl<'a> Scene<'a> {
         let images: Vec<Option<usize>> = self.parts.iter().map(|p| p.image.as_ref().map(|i| i.index())).collect();
         let shared = images.first().copied().flatten().filter(|i| images.iter().all(|x| *x == Some(*i)));
         let texture = match (shared, self.parts.first().and_then(|p| p.image.clone())) {
-            (Some(_), Some(image)) => Some(self.image_bytes(&image, resolve)?),
+            (Some(_), Some(image)) => match self.image_bytes(&image, resolve) {
+                Ok(texture) => Some(texture),
+                // A model is more than its image.
+                Err(e) => {
+                    self.dropped.note(format!("the base-colour image: {e}"));
+                    None
+                }
+            },
             _ => None,
         };
         let mut parts = std::mem::take(&mut self.parts);

@@ -168,7 +168,6 @@ struct Forests {
 struct Candidate {
     /// In sixteenths of a power of two; whole numbers order on every machine.
     key: i64,
-    cost: f64,
     /// The vertex onto which, then the rest of the rim, counter-clockwise.
     rim: Vec<u32>,
 }
@@ -201,7 +200,7 @@ impl Forests {
             let Some(cost) = self.surgery.price(u, &turned, star).filter(|_| inner(x) && inner(z)) else { continue };
             let key = key(cost, grows);
             if key < least {
-                best = Some(Candidate { key, cost, rim: turned });
+                best = Some(Candidate { key, rim: turned });
             }
         }
         best
@@ -243,7 +242,7 @@ impl Forests {
             }
             let (v, x, z) = (c.rim[0], c.rim[1], c.rim[c.rim.len() - 1]);
             self.trees.collapse([u, v, x, z]);
-            self.surgery.remove(u, &c.rim, c.cost);
+            self.surgery.remove(u, &c.rim);
             least[u as usize] = i64::MAX;
             out.push((u, v));
             // Beside these a tree may grow now; what is queued says at least what it costs.

@@ -138,7 +138,7 @@ impl Patches {
             let Some(color) = self.free_color(&c) else { continue };
             let fresh: Vec<u32> = c.rim.iter().copied().filter(|&u| !blocked[u as usize]).collect();
             fresh.iter().for_each(|&u| blocked[u as usize] = true);
-            let made = self.surgery.remove(c.vertex, &c.rim, c.cost);
+            let made = self.surgery.remove(c.vertex, &c.rim);
             self.color.resize(made, 0);
             self.color.resize(self.surgery.triangles.len(), color);
             removed.push(Removed { vertex: c.vertex, apex: c.apex, chain: c.rim[1..].to_vec(), color });

@@ -138,7 +138,7 @@ impl Surgery {
         Some(cost + TURN_WEIGHT * self.quadrics[v as usize].weight * dot(edge, edge))
     }
     /// Takes `v` out; a fan about the first of `rim` fills the hole. Gives the fan's first triangle.
-    pub(super) fn remove(&mut self, v: u32, rim: &[u32], cost: f64) -> usize {
+    pub(super) fn remove(&mut self, v: u32, rim: &[u32]) -> usize {
         self.gone[v as usize] = true;
         for t in std::mem::take(&mut self.around[v as usize]) {
             self.alive[t as usize] = false;
@@ -155,7 +155,8 @@ impl Surgery {
         }
         let own = self.quadrics[v as usize];
         if own.weight > 0.0 {
-            self.error = self.error.max(cost / own.weight);
+            // What it costs, not the price of a triangle turned over.
+            self.error = self.error.max(self.cost(v, rim[0]) / own.weight);
         }
         self.quadrics[rim[0] as usize].add(&own);
         first

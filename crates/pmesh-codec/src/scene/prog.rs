@@ -4,7 +4,7 @@ use super::geometry::{colors, indices, normals, points, runs, texcoords};
 use super::tree::Node;
 use crate::refine::surface::{CanonicalOrder, Fan, Surface};
 use pmesh_core::{Attributes, CornerMove, Level, Vertices};
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 
 /// The levels of a node, coarsest first; what is odd; and what ends them early.
 pub(super) struct Levels {
@@ -165,11 +165,11 @@ fn prog_lod(lod: &Node, order: &[u32], surface: &mut Surface, all: &mut Vertices
     let channels = color.len().checked_div(patches.len()).filter(|&c| c == 4).unwrap_or(3);
     let mut level = Level::default();
     let mut found = Vec::with_capacity(patches.len());
-    let mut taken = HashSet::new();
+    let mut taken = vec![false; surface.triangles.len()];
     for (i, patch) in patches.iter().enumerate() {
         let region = patch.iter().map(|&t| order.get(t as usize).copied()).collect::<Option<Vec<_>>>();
         let region = region.ok_or_else(|| format!("patch {i} names a triangle past the {}", order.len()))?;
-        if !region.iter().all(|&t| taken.insert(t)) {
+        if region.iter().any(|&t| std::mem::replace(&mut taken[t as usize], true)) {
             return Err(format!("patch {i} shares triangles with an earlier one"));
         }
         let disk = |rim| Some(Patch::Disk(region.clone(), rim));

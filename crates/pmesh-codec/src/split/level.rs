@@ -72,6 +72,8 @@ pub(super) struct SplitCoder {
     valences: Vec<u32>,
     marks: Vec<u8>,
     manifold: Vec<bool>,
+    /// Place among the vertices of the tree that is being cut, or [`NONE`].
+    slots: Vec<u32>,
     /// Union-find forest of vertices, and edges of each tree at its root.
     parents: Vec<u32>,
     sizes: Vec<u32>,
@@ -98,6 +100,7 @@ impl SplitCoder {
             valences: Vec::new(),
             marks: Vec::new(),
             manifold: Vec::new(),
+            slots: Vec::new(),
             parents: Vec::new(),
             sizes: Vec::new(),
             marked: Vec::new(),
@@ -148,6 +151,7 @@ impl SplitCoder {
                     self.parents.push(v as u32);
                     self.sizes.push(0);
                     self.marks.push(0);
+                    self.slots.push(NONE);
                 }
                 (until, (until == vertices).then_some(Stage::Order))
             }
@@ -338,10 +342,15 @@ impl SplitCoder {
             open: bool,
             settled: bool,
         }
-        let mut copies: HashMap<u32, Copies> = HashMap::with_capacity(sides.len());
+        // By vertex of the tree, in the order of their first copies.
+        let mut copies: Vec<Copies> = Vec::with_capacity(sides.len());
         for s in sides {
-            let none = Copies { left: 0, all: 0, triangles: 0, open: false, settled: false };
-            let c = copies.entry(s.vertex).or_insert(none);
+            let slot = &mut self.slots[s.vertex as usize];
+            if *slot == NONE {
+                *slot = copies.len() as u32;
+                copies.push(Copies { left: 0, all: 0, triangles: 0, open: false, settled: false });
+            }
+            let c = &mut copies[*slot as usize];
             c.left += 1;
             c.all += 1;
             c.triangles += s.count;
@@ -349,7 +358,7 @@ impl SplitCoder {
         }
         let mut keeps = Vec::with_capacity(sides.len());
         for (i, s) in sides.iter().enumerate() {
-            let Some(c) = copies.get_mut(&s.vertex) else { break };
+            let c = &mut copies[self.slots[s.vertex as usize] as usize];
             let keep = if c.open {
                 s.open
             } else if c.settled || c.left == 1 {
@@ -372,6 +381,7 @@ impl SplitCoder {
             c.left -= 1;
             keeps.push(keep);
         }
+        sides.iter().for_each(|s| self.slots[s.vertex as usize] = NONE);
         keeps
     }
 

@@ -99,7 +99,8 @@ fn header(bytes: &[u8]) -> Result<(State, usize), &'static str> {
     if planes.iter().any(|&p| p > 14) {
         return Err("more bit planes than a coefficient has");
     }
-    let state = State { planes: Planes::new(layout), segments: layout.segments(&planes).into() };
+    let segments = layout.segments(&planes).into();
+    let state = State { planes: Planes::new(layout, planes), segments };
     Ok((state, 5 + layout.channels))
 }
 
@@ -184,9 +185,10 @@ impl Making {
         let channel = self.channel;
         let stride = layout.width as usize;
         let Some(row) = planes.values[channel].get(y * stride..y * stride + width) else {
-            // Nothing of the channel has come. Alpha is full until it does.
+            // Nothing of the channel has come; nothing will of one without planes, which is all 0. Alpha is full until it does.
             let (w, h) = layout.size(0);
-            let full = |x: usize| if channel == 3 && x < w as usize && y < h as usize { 127 } else { 0 };
+            let waits = channel == 3 && planes.counts[3] > 0;
+            let full = |x: usize| if waits && x < w as usize && y < h as usize { 127 } else { 0 };
             self.channels[channel].extend((0..width).map(full));
             return;
         };

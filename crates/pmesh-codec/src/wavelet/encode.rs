@@ -31,7 +31,7 @@ pub fn encode(picture: &Picture, limit: Option<usize>) -> Result<Vec<Vec<u8>>, E
     let mut header = [*width as u16, *height as u16].map(u16::to_le_bytes).concat();
     header.push(channels as u8);
     header.extend(planes.iter().map(|&p| p as u8));
-    let mut coder_planes = Planes::new(layout);
+    let mut coder_planes = Planes::new(layout, planes.clone());
     let mut parts: Vec<Vec<u8>> = Vec::new();
     let (mut coder, mut segments, mut total) = (Encoder::new(), 0u16, 0);
     let close = |coder: &mut Encoder, segments: &mut u16, parts: &mut Vec<Vec<u8>>| {

@@ -38,6 +38,8 @@ struct Current {
 /// The coefficients of all channels as far as they are known, and the coder of either direction.
 pub(super) struct Planes {
     pub(super) layout: Layout,
+    /// Bit planes of each channel.
+    pub(super) counts: Vec<u32>,
     /// By channel: coefficients, their lower planes 0; made when the channel's first plane comes.
     pub(super) values: Vec<Vec<i16>>,
     /// By channel and resolution: the last plane that is known, or `None`.
@@ -70,10 +72,11 @@ fn class(sum: u32) -> usize {
 }
 
 impl Planes {
-    pub(super) fn new(layout: Layout) -> Self {
+    pub(super) fn new(layout: Layout, counts: Vec<u32>) -> Self {
         let resolutions = layout.depth as usize + 1;
         Self {
             layout,
+            counts,
             values: vec![Vec::new(); layout.channels],
             known: vec![vec![None; resolutions]; layout.channels],
             begun: vec![vec![Vec::new(); resolutions]; layout.channels],
