@@ -36,6 +36,8 @@ impl Default for ForestOptions {
 const LEVEL_LIMIT: usize = 61;
 /// Powers of two in cost that it is worth to go on with a tree.
 const GROWING: f64 = 8.0;
+/// Part of the vertices, cheapest first, that sets what a level may cost.
+const CAP_PART: f64 = 0.92;
 /// A level that removes a smaller part of the vertices is the last: what is left resists.
 const LEAST_PART: f64 = 0.05;
 
@@ -224,10 +226,14 @@ impl Forests {
                 queue.push((Reverse(c.key), Reverse(u)));
             }
         }
+        // What is dearer than most waits for a later batch, where it may be cheap beside the rest.
+        let mut costs: Vec<i64> = least.iter().copied().filter(|&k| k != i64::MAX).collect();
+        let at = (costs.len() as f64 * CAP_PART) as usize;
+        let cap = if at < costs.len() { *costs.select_nth_unstable(at).1 } else { i64::MAX };
         let grown = (GROWING * 16.0) as i64;
         let mut out = Vec::new();
         while let Some((Reverse(at), Reverse(u))) = queue.pop() {
-            if out.len() == most {
+            if out.len() == most || at > cap {
                 break;
             }
             if queued[u as usize] != at {
