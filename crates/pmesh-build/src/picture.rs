@@ -58,7 +58,7 @@ pub fn convert(texture: Texture, option: ImageOption) -> Result<(Texture, Option
         Picture { width: image.width(), height: image.height(), pixels: image.into_raw() }
     };
     let parts = wavelet::encode(&picture, limit).map_err(bad)?;
-    let bytes = parts.iter().flat_map(|p| [&(p.len() as u32).to_le_bytes(), &p[..]].concat()).collect();
+    let bytes = parts.iter().flat_map(|p| wavelet::framed(p)).collect();
     Ok((Texture { mime: wavelet::MIME.into(), bytes }, warning))
 }
 

@@ -24,9 +24,14 @@ fn error(message: impl ToString) -> JsValue {
 pub fn encode(name: &str, bytes: &[u8], bits: u8, progress: &Function, warn: &Function) -> Result<Vec<u8>, JsValue> {
     let mut model = import(name, bytes, &mut |_| None).map_err(error)?;
     if let Some(image) = model.texture.take() {
-        let (image, warning) = convert(image, Default::default()).map_err(error)?;
-        model.texture = Some(image);
-        model.warnings.extend(warning);
+        // A model is more than its image.
+        match convert(image, Default::default()) {
+            Ok((image, warning)) => {
+                model.texture = Some(image);
+                model.warnings.extend(warning);
+            }
+            Err(e) => model.warnings.push(e.to_string()),
+        }
     }
     for warning in &model.warnings {
         warn.call1(&JsValue::NULL, &warning.into())?;

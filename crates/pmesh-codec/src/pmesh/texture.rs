@@ -43,8 +43,7 @@ fn insert_parts(framed: &[u8], blocks: &mut Vec<Block>, payloads: &mut Vec<Vec<u
         return Err(EncodeError::BadOption { what: "the number of levels", got: blocks.len().to_string(), expected });
     }
     // Where the table has no room for all, the last ones go together.
-    let framed = |part: &&[u8]| [&(part.len() as u32).to_le_bytes(), *part].concat();
-    let mut groups: Vec<Vec<u8>> = parts.iter().map(framed).collect();
+    let mut groups: Vec<Vec<u8>> = parts.into_iter().map(wavelet::framed).collect();
     while groups.len() > room {
         let last = groups.pop().unwrap_or_default();
         if let Some(before) = groups.last_mut() {

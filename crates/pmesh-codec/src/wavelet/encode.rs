@@ -1,10 +1,10 @@
 //! A picture to parts.
 
+use super::PIXELS_A_BYTE;
 use super::Picture;
 use super::layout::Layout;
 use super::planes::Planes;
 use super::transform::{Along, lines, split, to_ycocg};
-use super::{PIXELS_A_BYTE, SIDE_LIMIT};
 use crate::EncodeError;
 use crate::range::Encoder;
 
@@ -24,7 +24,6 @@ pub fn encode(picture: &Picture, limit: Option<usize>) -> Result<Vec<Vec<u8>>, E
         let expected = "1 to 4096 pixels a side, four bytes each: scale it down";
         return Err(EncodeError::BadOption { what: "the image", got, expected });
     };
-    debug_assert!(layout.width <= SIDE_LIMIT);
     let coefficients = coefficients(layout, pixels);
     let count = |c: &Vec<i16>| c.iter().map(|v| 16 - v.unsigned_abs().leading_zeros()).max().unwrap_or(0);
     let planes: Vec<u32> = coefficients.iter().map(count).collect();

@@ -33,6 +33,11 @@ pub struct Picture {
     pub pixels: Vec<u8>,
 }
 
+/// A part as it stands in a texture of type [`MIME`].
+pub fn framed(part: &[u8]) -> Vec<u8> {
+    [&(part.len() as u32).to_le_bytes(), part].concat()
+}
+
 /// The parts of a texture of type [`MIME`]; what is cut off at the end is left out.
 pub fn parts(bytes: &[u8]) -> Vec<&[u8]> {
     let mut out = Vec::new();
