@@ -112,6 +112,24 @@ impl Surface {
         }
     }
 
+    /// Corners of one fan about the vertex of corner `start`, counter-clockwise: from `start` if the fan is closed, else from its
+    /// clockwise-most corner. Ends, since what lies across edges is paired.
+    pub fn around(&self, start: u32) -> impl Iterator<Item = u32> {
+        let mut first = start;
+        loop {
+            match self.turn_back(first) {
+                NONE => break,
+                c if c == start => {
+                    first = start;
+                    break;
+                }
+                c => first = c,
+            }
+        }
+        let after = move |&c: &u32| Some(self.turn(c)).filter(|&c| c != NONE && c != first);
+        std::iter::successors(Some(first), after)
+    }
+
     /// The fan that triangles `region` make, its apex the lowest vertex that can be one; `None` if they make none: the only
     /// shape that one representative can express.
     pub fn fan(&self, region: &[u32]) -> Option<Fan> {
@@ -289,19 +307,7 @@ impl CanonicalOrder {
     }
     /// Lists the fan about a corner's vertex.
     fn about(&mut self, surface: &Surface, corner: u32) {
-        let mut start = corner;
-        loop {
-            match surface.turn_back(start) {
-                NONE => break,
-                c if c == corner => {
-                    start = corner;
-                    break;
-                }
-                c => start = c,
-            }
-        }
-        let mut c = start;
-        loop {
+        for c in surface.around(corner) {
             let t = c as usize / 3;
             if !std::mem::replace(&mut self.listed[t], true) {
                 self.order.push(t as u32);
@@ -313,10 +319,6 @@ impl CanonicalOrder {
             };
             self.meet(surface, back);
             self.meet(surface, previous(c));
-            c = surface.turn(c);
-            if c == NONE || c == start {
-                break;
-            }
         }
     }
     fn meet(&mut self, surface: &Surface, corner: u32) {

@@ -191,24 +191,8 @@ pub fn encode(stream: &SplitStream, position_bits: Option<u8>, out: &mut impl Wr
 fn mark(surface: &Surface, marked: &mut [bool], a: u32, b: u32) -> Option<()> {
     // A vertex whose triangles have all vanished is not on the surface.
     let start = *surface.corner_of.get(a as usize)?;
-    let mut at = start;
-    let mut turned_back = false;
-    loop {
-        if at == NONE {
-            return None;
-        }
-        let other = surface.across[at as usize];
-        if surface.vertex(next(at)) == b && other != NONE {
-            (marked[at as usize], marked[other as usize]) = (true, true);
-            return Some(());
-        }
-        let after = if turned_back { surface.turn_back(at) } else { surface.turn(at) };
-        if after == start {
-            return None;
-        }
-        (at, turned_back) = match after {
-            NONE if !turned_back => (surface.turn_back(start), true),
-            c => (c, turned_back),
-        };
-    }
+    let edge = |&c: &u32| surface.vertex(next(c)) == b && surface.across[c as usize] != NONE;
+    let at = Some(start).filter(|&c| c != NONE).and_then(|c| surface.around(c).find(edge))?;
+    (marked[at as usize], marked[surface.across[at as usize] as usize]) = (true, true);
+    Some(())
 }

@@ -148,58 +148,15 @@ pub(super) fn is_manifold(surface: &Surface, v: u32, incident: u32) -> bool {
     if start == NONE {
         return false;
     }
-    let mut met = 1;
-    let mut at = start;
-    loop {
-        at = surface.turn(at);
-        if at == start {
-            return met == incident;
-        }
-        if at == NONE {
-            break;
-        }
-        met += 1;
-        if met > incident {
-            return false;
-        }
-    }
-    at = start;
-    loop {
-        at = surface.turn_back(at);
-        if at == NONE {
-            return met == incident;
-        }
-        met += 1;
-        if met > incident {
-            return false;
-        }
-    }
+    surface.around(start).count() as u32 == incident
 }
 
-/// Neighbours of the vertex of corner `start`, counter-clockwise; at most `limit`.
+/// Neighbours of the vertex of corner `start`, counter-clockwise; those of at most `limit` triangles.
 pub(super) fn ring(surface: &Surface, start: u32, limit: usize, mut near: impl FnMut(u32)) {
-    let mut first = start;
-    for _ in 0..limit {
-        match surface.turn_back(first) {
-            NONE => break,
-            c if c == start => {
-                first = start;
-                break;
-            }
-            c => first = c,
+    for c in surface.around(start).take(limit) {
+        near(surface.vertex(next(c)));
+        if surface.turn(c) == NONE {
+            near(surface.vertex(previous(c)));
         }
-    }
-    let mut at = first;
-    for _ in 0..limit {
-        near(surface.vertex(next(at)));
-        let after = surface.turn(at);
-        if after == NONE {
-            near(surface.vertex(previous(at)));
-            return;
-        }
-        if after == first {
-            return;
-        }
-        at = after;
     }
 }
