@@ -1,5 +1,8 @@
 //! Conformance item G.11 of forest splits (A.31), and what surrounds it.
 
+mod common;
+
+use common::soup;
 use pmesh_build::compare::difference;
 use pmesh_build::sample::sample;
 use pmesh_build::simplify::{ForestOptions, collapse_forests};
@@ -90,8 +93,10 @@ fn plain(name: &str, bits: Option<u8>) -> IndexedMesh {
 
 #[test]
 fn g11_a_split_costs_three_and_a_half_bits_a_triangle_and_reads_as_a_clustering() {
-    for (name, base) in [("knot", 100), ("marble", 200), ("part", 0)] {
-        let mesh = plain(name, Some(12));
+    for (name, base) in [("knot", 100), ("marble", 200), ("part", 0), ("lace", 0)] {
+        // A fifth of lace's vertices lie on the boundary.
+        let lace = || field(101, |i, j| (i as f32 * 0.3).sin() * (j as f32 * 0.2).cos(), |i, j| i % 5 == 2 && j % 5 == 2);
+        let mesh = if name == "lace" { quantise(&lace(), Some(12)) } else { plain(name, Some(12)) };
         let stream = forests(&mesh, base);
         assert!(stream.level_count() > 3, "{name}");
         (1..stream.level_count()).for_each(|l| assert_forest(&stream, l));
@@ -112,18 +117,20 @@ fn g11_a_split_costs_three_and_a_half_bits_a_triangle_and_reads_as_a_clustering(
     }
 }
 
+/// n × n vertices, cells left out where `hole` says so.
+fn field(n: u32, height: impl Fn(u32, u32) -> f32, hole: impl Fn(u32, u32) -> bool) -> IndexedMesh {
+    let at = |i: u32, j: u32| i * n + j;
+    let positions = (0..n * n).map(|v| [(v / n) as f32, (v % n) as f32, height(v / n, v % n)]).collect();
+    let cells = (0..(n - 1) * (n - 1)).map(|v| (v / (n - 1), v % (n - 1))).filter(|&(i, j)| !hole(i, j));
+    let cell = |(i, j)| [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]];
+    let triangles = cells.flat_map(cell).collect();
+    IndexedMesh { vertices: Vertices { positions, ..Default::default() }, triangles, ..Default::default() }
+}
+
 #[test]
 fn trees_are_no_larger_than_a_decoder_does_in_one_go() {
     // A flat mesh, where every collapse costs nothing and one tree would swallow all.
-    let n = 80;
-    let at = |i: u32, j: u32| i * n + j;
-    let positions = (0..n * n).map(|v| [(v / n) as f32, (v % n) as f32, 0.0]).collect();
-    let cell = |v: u32| {
-        let (i, j) = (v / (n - 1), v % (n - 1));
-        [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]]
-    };
-    let triangles = (0..(n - 1) * (n - 1)).flat_map(cell).collect();
-    let mesh = IndexedMesh { vertices: Vertices { positions, ..Default::default() }, triangles, ..Default::default() };
+    let mesh = field(80, |_, _| 0.0, |_, _| false);
     let stream = forests(&mesh, 0);
     let level = stream.level_count() - 1;
     let (fine, coarse) = (stream.at_level(level), stream.at_level(level - 1));
@@ -223,18 +230,6 @@ fn ground() -> impl Strategy<Value = IndexedMesh> {
                 IndexedMesh { vertices, triangles, ..Default::default() }
             },
         )
-    })
-}
-
-fn soup() -> impl Strategy<Value = IndexedMesh> {
-    let position = (0i8..9, 0i8..9, 0i8..4).prop_map(|(x, y, z)| [f32::from(x), f32::from(y), f32::from(z)]);
-    prop::collection::vec(position, 1..30).prop_flat_map(|positions| {
-        let n = positions.len() as u32;
-        prop::collection::vec((0..n, 0..n, 0..n).prop_map(|(a, b, c)| [a, b, c]), 0..90).prop_map(move |triangles| IndexedMesh {
-            vertices: Vertices { positions: positions.clone(), ..Default::default() },
-            triangles,
-            ..Default::default()
-        })
     })
 }
 

@@ -1,5 +1,8 @@
 //! Conformance items of patch-coloured streams (FC01): G.16, G.18, named after them. G.15 is a unit test of the codec.
 
+mod common;
+
+use common::soup;
 use pmesh_build::compare::difference;
 use pmesh_build::sample::sample;
 use pmesh_build::simplify::{ForestOptions, PatchOptions, collapse_forests, remove_patches};
@@ -7,7 +10,7 @@ use pmesh_codec::patch::{PatchStream, encode};
 use pmesh_codec::pmesh::quantise;
 use pmesh_codec::refine::surface::{CanonicalOrder, NONE, Surface};
 use pmesh_codec::{Arrival, Receiver};
-use pmesh_core::{IndexedMesh, Vertices, turned};
+use pmesh_core::{IndexedMesh, turned};
 use proptest::prelude::*;
 use std::collections::{HashMap, HashSet};
 
@@ -132,19 +135,6 @@ fn every_attribute_and_both_sides_of_a_seam_survive() {
         encode(&stream, bits, &mut bytes).expect("it encodes");
         assert_eq!(difference(&received(&bytes, bytes.len()).0, &mesh), None);
     }
-}
-
-/// Any triangles: what cannot be taken apart stays in the base, and comes back.
-fn soup() -> impl Strategy<Value = IndexedMesh> {
-    let position = (0i8..9, 0i8..9, 0i8..4).prop_map(|(x, y, z)| [f32::from(x), f32::from(y), f32::from(z)]);
-    prop::collection::vec(position, 1..30).prop_flat_map(|positions| {
-        let n = positions.len() as u32;
-        prop::collection::vec((0..n, 0..n, 0..n).prop_map(|(a, b, c)| [a, b, c]), 0..90).prop_map(move |triangles| IndexedMesh {
-            vertices: Vertices { positions: positions.clone(), ..Default::default() },
-            triangles,
-            ..Default::default()
-        })
-    })
 }
 
 proptest! {

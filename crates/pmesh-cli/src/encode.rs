@@ -101,7 +101,7 @@ fn parse_bits(text: &str) -> std::result::Result<Bits, String> {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Stream {
+pub enum Stream {
     /// Our own
     Pmesh,
     /// GV99's text; gzipped if the name ends in .gz
@@ -117,7 +117,11 @@ enum Stream {
 }
 
 impl Stream {
-    fn of(path: &Path, how: &How) -> Result<Stream> {
+    /// True if levels made otherwise are of no use to it.
+    pub fn finds_its_own_levels(self) -> bool {
+        matches!(self, Stream::Patch | Stream::Split | Stream::Nodes)
+    }
+    pub fn of(path: &Path, how: &How) -> Result<Stream> {
         let name = path.to_string_lossy().to_ascii_lowercase();
         let known = [
             (".pmesh", Stream::Pmesh),
@@ -169,7 +173,7 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
         // What is exact stays exact, and what is on a grid stays on one as fine, unless something else is asked for.
         how.bits = how.bits.or(stream.receiver.info().map(|i| Bits(i.position_bits)));
         // Patches and forests are levels of their own kind.
-        let own_kind = matches!(kind, Stream::Patch | Stream::Split | Stream::Nodes);
+        let own_kind = kind.finds_its_own_levels();
         let levels = if own_kind || stream.is_plain_scene() { None } else { kept_levels(&stream) };
         // A .pmesh has no table for a level a vertex: it gets levels of its own.
         match levels.filter(|l| kind != Stream::Pmesh || l.levels.len() < 64) {
@@ -218,7 +222,11 @@ fn write_refinements(model: Model, input: &Path, output: &Path, how: &How, quiet
         progress.done();
         stream.texture = model.texture;
         let report = split::encode(&stream, bits, &mut out).map_err(CliError::encode(output))?;
-        let more = format!("; {:.2} bits a new triangle before entropy coding", report.raw_bits_per_triangle());
+        let kept = report.keep_bits as f64 / f64::from(report.removed.0.max(1));
+        let raw = report.raw_bits_per_triangle();
+        let more = format!(
+            "; before entropy coding {raw:.2} bits a new triangle, and {kept:.2} bits a removed vertex to say which copy keeps its number"
+        );
         summary.line(stream.level_count(), out.len(), report.base, report.loose.0, report.removed, report.connectivity) + &more
     } else {
         let mut stream = remove_patches(&mesh, PatchOptions { base_vertices }, |left| progress.set(part(left)));

@@ -39,7 +39,8 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
             output::say(&format!("{}: {} vertices, {} triangles", args.output.display(), counts.0, counts.1))
         };
     }
-    match sample_levels(&args.name).filter(|_| ![".pits", ".pfs", ".wrl", ".x3dv", ".x3d"].iter().any(|e| name.ends_with(e))) {
+    let own_levels = !encode::Stream::of(&args.output, &args.how)?.finds_its_own_levels();
+    match sample_levels(&args.name).filter(|_| own_levels) {
         Some(stream) => {
             args.how.warn_of_kept_levels(&args.output);
             encode::write_stream(stream, &args.output, &args.how, quiet)

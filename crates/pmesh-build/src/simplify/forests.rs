@@ -9,7 +9,7 @@
 //! - or of two trees, ux and vz (or vx and uz): the trees become one;
 //! - or the tree edge is uv itself: it gives way to vx and vz;
 //!
-//! and touch no tree otherwise. The cheapest collapse goes first, by the quadric error; one that goes on with a tree costs a
+//! and touch no tree otherwise. No edge of a tree joins two vertices of the boundary. The cheapest collapse goes first, by the quadric error; one that goes on with a tree costs a
 //! little less than it does, for larger trees are fewer bits a vertex. Boundaries, seams and what is not manifold stay.
 
 use super::surgery::Surgery;
@@ -37,22 +37,23 @@ const LEVEL_LIMIT: usize = 61;
 /// Powers of two in cost that it is worth to go on with a tree.
 const GROWING: f64 = 8.0;
 /// Part of the vertices, cheapest first, that sets what a level may cost.
-const CAP_PART: f64 = 0.92;
-/// A level that removes a smaller part of the vertices is the last: what is left resists.
-const LEAST_PART: f64 = 0.05;
+const CAP_PART: f64 = 0.94;
+/// No level removes a smaller part of the vertices: marking edges would cost more than the level brings.
+const LEAST_PART: f64 = 0.08;
 
 /// Takes `mesh` apart into forests. `progress` gets the vertices left. O(n log n).
 pub fn collapse_forests(mesh: &IndexedMesh, options: ForestOptions, mut progress: impl FnMut(usize)) -> SplitStream {
     let n = mesh.vertices.len();
     let surgery = Surgery::new(mesh);
     let manifold = (0..n as u32).map(|v| surgery.is_manifold(v)).collect();
-    let mut state = Forests { surgery, manifold, trees: Trees::new(n) };
+    let open = (0..n as u32).map(|v| surgery.is_open(v)).collect();
+    let mut state = Forests { surgery, manifold, open, trees: Trees::new(n) };
     let (mut parents, mut batch_of) = (vec![NO_REPRESENTATIVE; n], vec![u32::MAX; n]);
     let mut errors = vec![0.0];
     let (mut left, mut batches) = (n, 0);
     while left > options.base_vertices && (batches as usize) < LEVEL_LIMIT {
         let collapses = state.batch(left - options.base_vertices);
-        if collapses.is_empty() {
+        if (collapses.len() as f64) < LEAST_PART * left as f64 {
             break;
         }
         for &(u, v) in &collapses {
@@ -68,9 +69,6 @@ pub fn collapse_forests(mesh: &IndexedMesh, options: ForestOptions, mut progress
         left -= collapses.len();
         progress(left);
         errors.push(state.surgery.error.sqrt() as f32);
-        if (collapses.len() as f64) < LEAST_PART * left as f64 {
-            break;
-        }
     }
     errors.reverse();
     let levels = batch_of.iter().map(|&b| if b == u32::MAX { 0 } else { batches - b }).collect();
@@ -163,6 +161,8 @@ struct Forests {
     surgery: Surgery,
     /// Vertices whose triangles are one fan; a collapse keeps it so.
     manifold: Vec<bool>,
+    /// Vertices of the boundary.
+    open: Vec<bool>,
     trees: Trees,
 }
 
@@ -187,6 +187,10 @@ impl Forests {
         for k in 0..rim.len() {
             let (v, x, z) = (rim[k], rim[(k + 1) % rim.len()], rim[(k + rim.len() - 1) % rim.len()]);
             if ![v, x, z].iter().all(|&w| self.manifold[w as usize]) {
+                continue;
+            }
+            let bound = self.open[v as usize];
+            if bound && [x, z].iter().chain(&self.trees.edges[u as usize]).any(|&w| w != v && self.open[w as usize]) {
                 continue;
             }
             let Some(grows) = self.trees.allow([u, v, x, z]) else { continue };

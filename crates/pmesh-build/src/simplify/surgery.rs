@@ -95,6 +95,11 @@ impl Surgery {
         }
         seen == edges.len()
     }
+    /// True if the mesh ends at `v`.
+    pub(super) fn is_open(&self, v: u32) -> bool {
+        let edges = self.opposite_edges(v).unwrap_or_default();
+        edges.iter().any(|e| !edges.iter().any(|o| o.1 == e.0))
+    }
     pub(super) fn joined(&self, a: u32, b: u32) -> bool {
         self.around[a as usize].iter().any(|&t| self.triangles[t as usize].contains(&b))
     }

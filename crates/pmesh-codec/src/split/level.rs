@@ -1,7 +1,7 @@
 //! One split: the marks of the edges, then tree by tree the cut and the triangles, then where the new vertices stand.
 
 use super::TREE_LIMIT;
-use super::tree::{Opened, Side, cut, fill, is_manifold, ring, walk};
+use super::tree::{Opened, Side, Star, cut, fill, ring, star, walk};
 use crate::range::{Coder, RangeDecoder};
 use crate::refine::Levels;
 use crate::refine::question::{CLASSES, Question};
@@ -71,7 +71,7 @@ pub(super) struct SplitCoder {
     /// By vertex: triangles around it, marked edges, edges that were not asked for yet.
     valences: Vec<u32>,
     marks: Vec<u8>,
-    manifold: Vec<bool>,
+    stars: Vec<Star>,
     /// Place among the vertices of the tree that is being cut, or [`NONE`].
     slots: Vec<u32>,
     /// Union-find forest of vertices, and edges of each tree at its root.
@@ -99,7 +99,7 @@ impl SplitCoder {
             asked: Vec::new(),
             valences: Vec::new(),
             marks: Vec::new(),
-            manifold: Vec::new(),
+            stars: Vec::new(),
             slots: Vec::new(),
             parents: Vec::new(),
             sizes: Vec::new(),
@@ -147,7 +147,7 @@ impl SplitCoder {
             Stage::Vertices => {
                 let until = end(self.at, vertices);
                 for v in self.at..until {
-                    self.manifold.push(is_manifold(surface, v as u32, self.valences[v]));
+                    self.stars.push(star(surface, v as u32, self.valences[v]));
                     self.parents.push(v as u32);
                     self.sizes.push(0);
                     self.marks.push(0);
@@ -219,8 +219,10 @@ impl SplitCoder {
                 continue;
             }
             let (a, b) = (surface.vertex(c), surface.vertex(next(c)));
-            if !self.manifold[a as usize] || !self.manifold[b as usize] {
-                continue;
+            // No tree goes where walks miss triangles, nor along an edge between two vertices of the boundary.
+            match (self.stars[a as usize], self.stars[b as usize]) {
+                (Star::Broken, _) | (_, Star::Broken) | (Star::Open, Star::Open) => continue,
+                _ => {}
             }
             let (root_a, root_b) = (self.root(a), self.root(b));
             let size = self.sizes[root_a as usize] + self.sizes[root_b as usize] + 1;

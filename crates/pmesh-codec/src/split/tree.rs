@@ -142,13 +142,33 @@ fn pair(surface: &mut Surface, a: u32, b: u32) {
     surface.across[b as usize] = a;
 }
 
-/// Whether the triangles of a vertex are one fan: then walks about it end. `incident` is how many it has.
-pub(super) fn is_manifold(surface: &Surface, v: u32, incident: u32) -> bool {
+/// What the triangles of a vertex are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Star {
+    /// One fan, closed.
+    Closed,
+    /// One fan that ends at the boundary.
+    Open,
+    /// None, or more than one fan: walks about the vertex miss some, so no tree goes there.
+    Broken,
+}
+
+/// The star of a vertex that has `incident` triangles.
+pub(super) fn star(surface: &Surface, v: u32, incident: u32) -> Star {
     let start = surface.corner_of[v as usize];
     if start == NONE {
-        return false;
+        return Star::Broken;
     }
-    surface.around(start).count() as u32 == incident
+    let (mut count, mut open) = (0, false);
+    for c in surface.around(start) {
+        count += 1;
+        open |= surface.turn(c) == NONE;
+    }
+    match (count == incident, open) {
+        (false, _) => Star::Broken,
+        (true, true) => Star::Open,
+        (true, false) => Star::Closed,
+    }
 }
 
 /// Neighbours of the vertex of corner `start`, counter-clockwise; those of at most `limit` triangles.
