@@ -95,10 +95,10 @@ onPage("level 2.5 is drawn between levels 3 and 2, as the arrays say", async (pa
   assert.ok(result.a > 0 && result.b > 0 && result.a < result.ends * 1.2 && result.b < result.ends * 1.2, JSON.stringify(result));
 });
 
-onPage("every stream of the papers plays: text, smooth levels, patches, scenes; levels in order, the same model at the end", async (page) => {
+onPage("every stream plays: ours in two profiles, text, smooth levels, patches, scenes; levels in order, the same model at the end", async (page) => {
   const result = await page.evaluate(async () => {
     const out = {};
-    for (const ending of [".pmesh", ".lod.gz", ".slod", ".pits", ".pfs", ".x3d", "-levels.wrl"]) {
+    for (const ending of [".pmesh", "-prefix.pmesh", ".lod.gz", ".slod", ".pits", ".pfs", ".x3d", "-levels.wrl"]) {
       const mesh = add({ src: `/samples/knot${ending}?rate=400k` });
       await until(mesh, "load");
       await settled(mesh);

@@ -24,6 +24,20 @@ fn types(events: impl AsRef<JsValue>) -> Vec<String> {
     events.iter().map(|e| get(&e, "type").as_string().expect("a type")).collect()
 }
 
+/// Floating point decides where everything of a compact stream stands: it must be the same here as where the file was written.
+#[wasm_bindgen_test]
+fn the_golden_compact_file_decodes_as_it_does_natively() {
+    let model = Model::new();
+    model.push(include_bytes!("../../crates/pmesh-codec/tests/data/version1-part.pmesh")).expect("it reads");
+    model.finish().expect("it is whole");
+    let arrays: JsValue = model.arrays(0.0).expect("level 0").into();
+    let positions: Float32Array = get(&arrays, "positions").unchecked_into();
+    let indices: Uint32Array = get(&arrays, "indices").unchecked_into();
+    let numbers = positions.to_vec().into_iter().map(f32::to_bits).chain(indices.to_vec());
+    let fingerprint = numbers.fold(0xcbf2_9ce4_8422_2325u64, |h, x| (h ^ u64::from(x)).wrapping_mul(0x0100_0000_01b3));
+    assert_eq!(fingerprint, 0xf49b_cea5_8476_9010);
+}
+
 #[wasm_bindgen_test]
 fn figure_6_plays_whatever_the_cuts() {
     for piece in [1, 7, 1000] {

@@ -1,6 +1,7 @@
 //! Chores in Rust, so that two commands do everything: `cargo xtask demo` and `cargo xtask test`.
 
 mod build;
+mod peers;
 mod serve;
 mod shell;
 mod test;
@@ -46,10 +47,14 @@ enum Command {
     },
     /// Build the browser modules in release and report their sizes
     Build,
-    /// Measure natively and in Chromium: encode, decode, level selection, memory; with --quality the simplifier's error
+    /// Measure natively and in Chromium: encode, decode, level selection, memory; with --quality the simplifier's error; `bench
+    /// peers [MESH…]` sets our streams beside Draco and meshoptimizer
     Bench {
-        /// Meshes; the samples, and those in ../shared/models, by default
+        /// "peers" first, or meshes; the samples, and those in ../shared/models, by default
         meshes: Vec<PathBuf>,
+        /// Where every figure of `bench peers` goes, too
+        #[arg(long)]
+        csv: Option<PathBuf>,
         /// Measure simplification error instead
         #[arg(long)]
         quality: bool,
@@ -84,7 +89,10 @@ fn run(command: Command) -> Result<()> {
         Command::Test { only } => test::run_parts(&only),
         Command::Serve { throttle, port } => serve::run(port, throttle),
         Command::Build => build::modules().map(|_| ()),
-        Command::Bench { meshes, quality } => test::bench(&meshes, quality),
+        Command::Bench { meshes, csv, .. } if meshes.first().is_some_and(|m| m.as_os_str() == "peers") => {
+            peers::run(&meshes[1..], csv.as_deref())
+        }
+        Command::Bench { meshes, quality, .. } => test::bench(&meshes, quality),
         Command::Compare { meshes } => test::compare(&meshes),
         Command::Screenshots => test::screenshots(),
     }

@@ -53,9 +53,14 @@ pub fn for_browsers() -> Result<Vec<PathBuf>> {
     Ok(tools)
 }
 
-/// Where the Node packages are.
+/// Where the Node packages that building and testing need are.
 pub fn npm_folder() -> Result<PathBuf> {
-    let manifest = root().join("xtask/npm/package.json");
+    npm_packages("xtask/npm/package.json")
+}
+
+/// Where the Node packages of a manifest are.
+pub fn npm_packages(manifest: &str) -> Result<PathBuf> {
+    let manifest = root().join(manifest);
     let text = fs::read_to_string(&manifest).map_err(|e| format!("{}: {e}", manifest.display()))?;
     // A folder for each content of the manifest.
     let key = text.bytes().fold(0xcbf2_9ce4_8422_2325u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3));

@@ -12,8 +12,10 @@ use pmesh_build::measure::deviation;
 use pmesh_build::pipeline::{BuildOptions, Method, Steps, build};
 use pmesh_build::sample::{SAMPLES, sample};
 use pmesh_build::simplify::{
-    ForestOptions, PatchOptions, Placement, SimplifyOptions, collapse_forests, remove_patches, simplify,
+    BatchOptions, ForestOptions, PatchOptions, Placement, Profile, SimplifyOptions, collapse_batches, collapse_forests,
+    remove_patches, simplify,
 };
+use pmesh_codec::compact::{self, CompactStream};
 use pmesh_codec::pmesh::{EncodeOptions, encode, quantise};
 use pmesh_codec::scene::{self, Encoding};
 use pmesh_codec::{Receiver, patch, slod, split};
@@ -100,6 +102,12 @@ fn verify(name: &str, model: &Model) -> Outcome {
         bytes.clear();
         patch::encode(&patches, bits, &mut bytes)?;
         verify_stream(name, &format!("pits {shown}"), &bytes, &mesh)?;
+        for profile in [Profile::Prefix, Profile::Size] {
+            let collapses = collapse_batches(&taken, BatchOptions { profile, ..Default::default() }, |_| ());
+            bytes.clear();
+            compact::encode(&CompactStream { mesh: model.mesh.clone(), ..collapses }, bits, &mut bytes)?;
+            verify_stream(name, &format!("{profile:?} {shown}"), &bytes, &mesh)?;
+        }
         let forests = collapse_forests(&taken, ForestOptions::default(), |_| ());
         bytes.clear();
         let report = split::encode(&forests, bits, &mut bytes)?;

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::soup;
+use common::{ground, soup};
 use pmesh_build::compare::difference;
 use pmesh_build::sample::sample;
 use pmesh_build::simplify::{ForestOptions, collapse_forests};
@@ -204,33 +204,6 @@ fn what_is_no_forest_is_refused() {
     bad.levels.iter_mut().for_each(|l| *l = (*l).min(1));
     bad.parents = good.at_level(0);
     assert!(refused(&bad));
-}
-
-/// A piece of ground of random heights, holes in it: random costs, so random forests, boundaries among them.
-fn ground() -> impl Strategy<Value = IndexedMesh> {
-    (4u32..14, 4u32..14).prop_flat_map(|(w, h)| {
-        let cells = ((w - 1) * (h - 1)) as usize;
-        (prop::collection::vec(0i8..100, (w * h) as usize), prop::collection::vec(0u8..12, cells)).prop_map(
-            move |(heights, kinds)| {
-                let positions = heights.iter().enumerate().map(|(v, &z)| {
-                    let v = v as u32;
-                    [(v % w) as f32, (v / w) as f32, f32::from(z) * 0.004]
-                });
-                let mut triangles = Vec::new();
-                for (i, kind) in kinds.iter().enumerate() {
-                    let (x, y) = (i as u32 % (w - 1), i as u32 / (w - 1));
-                    let [a, b, c, d] = [y * w + x, y * w + x + 1, (y + 1) * w + x + 1, (y + 1) * w + x];
-                    match kind {
-                        0 => {}
-                        k if k % 2 == 0 => triangles.extend([[a, b, c], [a, c, d]]),
-                        _ => triangles.extend([[a, b, d], [b, c, d]]),
-                    }
-                }
-                let vertices = Vertices { positions: positions.collect(), ..Default::default() };
-                IndexedMesh { vertices, triangles, ..Default::default() }
-            },
-        )
-    })
 }
 
 proptest! {

@@ -1,5 +1,8 @@
 //! What decodes at the last level is the input, exactly; every level and every prefix is a valid mesh.
 
+mod common;
+
+use common::no_level_has_a_hole;
 use pmesh_build::compare::difference;
 use pmesh_build::import::Model;
 use pmesh_build::pipeline::{BuildOptions, LevelRule, Steps, build};
@@ -8,7 +11,6 @@ use pmesh_build::simplify::Placement;
 use pmesh_codec::Receiver;
 use pmesh_codec::pmesh::{EncodeOptions, encode, quantise};
 use pmesh_core::{IndexedMesh, ProgressiveMultilevelMesh, reference};
-use std::collections::HashMap;
 
 fn decode(bytes: &[u8]) -> ProgressiveMultilevelMesh {
     let mut receiver = Receiver::default();
@@ -37,25 +39,6 @@ fn every_sample_comes_back_exactly() {
         let model = sample(name).expect("a sample");
         round_trip(&model, Some(12), &BuildOptions::default());
         round_trip(&model, None, &BuildOptions::default());
-    }
-}
-
-/// Every level of a mesh without boundary has none: at each edge, between positions, an even number of triangles. Vertex
-/// maps cannot change that, so an odd one is a hole.
-fn no_level_has_a_hole(mesh: &ProgressiveMultilevelMesh) {
-    for level in 0..mesh.level_count() {
-        let shown = mesh.mesh_at(level.into()).expect("a level");
-        let mut position: Vec<u32> = (0..shown.vertices.len() as u32).collect();
-        shown.position_of.iter().for_each(|&(v, p)| position[v as usize] = position[p as usize]);
-        let mut edges: HashMap<(u32, u32), u32> = HashMap::new();
-        for t in &shown.triangles {
-            let t = t.map(|v| position[v as usize]);
-            for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
-                *edges.entry((a.min(b), a.max(b))).or_default() += 1;
-            }
-        }
-        let odd = edges.iter().filter(|(edge, count)| edge.0 != edge.1 && **count % 2 == 1).count();
-        assert_eq!(odd, 0, "level {level}");
     }
 }
 

@@ -7,10 +7,10 @@ use clap::builder::RangedU64ValueParser;
 use pmesh_build::import::Model;
 use pmesh_build::measure::deviation;
 use pmesh_build::pipeline::{BuildOptions, Method, Steps, build};
-use pmesh_build::simplify::{ForestOptions, PatchOptions, collapse_forests, remove_patches};
+use pmesh_build::simplify::{BatchOptions, ForestOptions, PatchOptions, collapse_batches, collapse_forests, remove_patches};
 use pmesh_codec::pmesh::{EncodeOptions, LevelStream, quantise};
 use pmesh_codec::text::{self, TextOptions};
-use pmesh_codec::{Arrival, Receiver, patch, slod, split};
+use pmesh_codec::{Arrival, Receiver, compact, patch, slod, split};
 use pmesh_core::{IndexedMesh, ProgressiveMultilevelMesh};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -67,8 +67,7 @@ fn streams(path: &Path, model: &Model, bits: u8) -> Result<Vec<(&'static str, Ve
     let default = build(model, &BuildOptions::default(), |_| ()).map_err(CliError::build(path))?;
     let smooth = BuildOptions { method: Method::Closest, steps: Steps::Single, ..Default::default() };
     let smooth = build(model, &smooth, |_| ()).map_err(CliError::build(path))?;
-    let mut out =
-        vec![("pmesh", Vec::new()), ("lod.gz", Vec::new()), ("slod", Vec::new()), ("pits", Vec::new()), ("pfs", Vec::new())];
+    let mut out = ["pmesh", "lod.gz", "slod", "pits", "pfs", "prefix"].map(|name| (name, Vec::new())).to_vec();
     pmesh_codec::pmesh::encode(&default, EncodeOptions { position_bits: Some(bits) }, &mut out[0].1).map_err(failed())?;
     let mut plain = Vec::new();
     text::write(&mesh_of(&default)?, TextOptions::default(), &mut plain).map_err(failed())?;
@@ -78,6 +77,9 @@ fn streams(path: &Path, model: &Model, bits: u8) -> Result<Vec<(&'static str, Ve
     patch::encode(&patches, Some(bits), &mut out[3].1).map_err(failed())?;
     let forests = collapse_forests(&model.mesh, ForestOptions::default(), |_| ());
     split::encode(&forests, Some(bits), &mut out[4].1).map_err(failed())?;
+    // A .pmesh by --profile prefix.
+    let collapses = collapse_batches(&model.mesh, BatchOptions::default(), |_| ());
+    compact::encode(&collapses, Some(bits), &mut out[5].1).map_err(failed())?;
     Ok(out)
 }
 

@@ -1,5 +1,7 @@
 //! `pmesh encode`: a mesh to a stream.
 
+mod compact;
+
 use crate::error::{CliError, Result};
 use crate::output::say;
 use crate::progress::Progress;
@@ -9,7 +11,7 @@ use flate2::{Compression, write::GzEncoder};
 use pmesh_build::import::Model;
 use pmesh_build::picture::{self, ImageOption};
 use pmesh_build::pipeline::{BuildOptions, LevelRule, Method, Steps, build};
-use pmesh_build::simplify::{ForestOptions, PatchOptions, Placement, collapse_forests, remove_patches};
+use pmesh_build::simplify::{self, ForestOptions, PatchOptions, Placement, collapse_forests, remove_patches};
 use pmesh_codec::Texture;
 use pmesh_codec::patch::{self, PatchStream};
 use pmesh_codec::pmesh::{EncodeOptions, LevelStream, quantise};
@@ -24,7 +26,7 @@ use std::path::{Path, PathBuf};
 /// Encode a mesh (OBJ, PLY, STL, OFF, glTF, GLB, VRML97, X3D) as a progressive stream, or convert a stream to another
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  pmesh encode statue.obj -o statue.pmesh\n  pmesh encode scan.ply -o scan.pmesh --bits 12 --growth 2\n  pmesh encode part.stl -o part.lod.gz --levels 8\n  pmesh encode bust.glb -o bust.pmesh --bits none   every float bit for bit\n  pmesh encode chair.obj -o chair.slod              a level a vertex (SS97)\n  pmesh convert bust.pmesh -o bust.x3d              any stream to any other"
+    after_help = "Examples:\n  pmesh encode statue.obj -o statue.pmesh\n  pmesh encode scan.ply -o scan.pmesh --bits 12 --growth 2\n  pmesh encode part.stl -o part.lod.gz --levels 8\n  pmesh encode bust.glb -o bust.pmesh --bits none   every float bit for bit\n  pmesh encode bust.glb -o bust.pmesh --profile prefix   far fewer bytes, for slow links\n  pmesh encode chair.obj -o chair.slod              a level a vertex (SS97)\n  pmesh convert bust.pmesh -o bust.x3d              any stream to any other"
 )]
 pub struct Args {
     /// The mesh, or a stream whose levels are kept
@@ -55,6 +57,9 @@ pub struct How {
     /// Triangles of the coarsest level, about; 0 leaves one vertex a component [default: 60, 1200 for .pits, 600 for .pfs]
     #[arg(long)]
     base: Option<usize>,
+    /// What a .pmesh is to be best at [default: fast]
+    #[arg(long, value_enum)]
+    profile: Option<Profile>,
     /// How to simplify [default: half-edge, closest for .slod]
     #[arg(long, value_enum)]
     simplifier: Option<Simplifier>,
@@ -116,6 +121,18 @@ pub enum Stream {
     Nodes,
 }
 
+/// What a `.pmesh` is to be best at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Profile {
+    /// The best mesh after any part of the bytes, and about as few of them as the best single-rate files have: a third to a seventh
+    /// of fast's. Whole sooner on links below some 5 Mbit/s; above, its decoder is what takes longest
+    Prefix,
+    /// The fewest bytes in all: a percent or two fewer, for coarser levels on the way
+    Size,
+    /// The fastest decoder
+    Fast,
+}
+
 impl Stream {
     /// True if levels made otherwise are of no use to it.
     pub fn finds_its_own_levels(self) -> bool {
@@ -166,6 +183,9 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
     }
     let mut how = args.how.clone();
     let kind = Stream::of(&args.output, &args.how)?;
+    if how.profile.is_some() && kind != Stream::Pmesh {
+        eprintln!("warning: {}: --profile is for .pmesh; it has no effect here", args.output.display());
+    }
     let bytes = input::read(&args.input)?;
     let model = if input::is_stream(&args.input, &bytes) {
         let stream = input::decode_whole(&args.input, &bytes)?;
@@ -173,7 +193,7 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
         // What is exact stays exact, and what is on a grid stays on one as fine, unless something else is asked for.
         how.bits = how.bits.or(stream.receiver.info().map(|i| Bits(i.position_bits)));
         // Patches and forests are levels of their own kind.
-        let own_kind = kind.finds_its_own_levels();
+        let own_kind = kind.finds_its_own_levels() || (kind == Stream::Pmesh && how.compact().is_some());
         let levels = if own_kind || stream.is_plain_scene() { None } else { kept_levels(&stream) };
         // A .pmesh has no table for a level a vertex: it gets levels of its own.
         match levels.filter(|l| kind != Stream::Pmesh || l.levels.len() < 64) {
@@ -341,6 +361,14 @@ fn kept_levels(stream: &input::Stream) -> Option<LevelStream> {
 const DEFAULT_BITS: u8 = 14;
 
 impl How {
+    /// The compact profile that is asked for, if one is.
+    fn compact(&self) -> Option<simplify::Profile> {
+        match self.profile? {
+            Profile::Prefix => Some(simplify::Profile::Prefix),
+            Profile::Size => Some(simplify::Profile::Size),
+            Profile::Fast => None,
+        }
+    }
     /// Says which options have no effect where the levels are there already.
     pub fn warn_of_kept_levels(&self, path: &Path) {
         let given = [
@@ -370,6 +398,7 @@ pub fn encode_model(mut model: Model, input: &Path, output: &Path, how: &How, qu
     model.texture = image(model.texture, input, how);
     match Stream::of(output, how)? {
         Stream::Patch | Stream::Split | Stream::Nodes => write_refinements(model, input, output, how, quiet),
+        Stream::Pmesh if how.compact().is_some() => compact::write(model, input, output, how, quiet),
         kind => write_stream(simplified(&model, input, how, kind, quiet)?, output, how, quiet),
     }
 }

@@ -108,8 +108,11 @@ impl Sniffer {
         let signature = &crate::pmesh::SIGNATURE[..];
         let starts = |sig: &[u8]| sig.starts_with(seen) || seen.starts_with(sig);
         if starts(signature) {
-            let whole = seen.len() >= signature.len();
-            return Ok(whole.then(|| Box::new(PmeshDecoder::new()) as Box<_>));
+            // The version follows.
+            return Ok(seen.get(signature.len()).map(|&version| match version {
+                crate::compact::VERSION => Box::new(crate::compact::decoder()) as Box<_>,
+                _ => Box::new(PmeshDecoder::new()) as Box<_>,
+            }));
         }
         if starts(&patch::SIGNATURE) {
             let whole = seen.len() >= patch::SIGNATURE.len();

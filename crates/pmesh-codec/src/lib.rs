@@ -7,6 +7,7 @@
 //! | format | module | written by |
 //! |---|---|---|
 //! | `.pmesh`, version 0 | [`pmesh`] | [`pmesh::encode`] |
+//! | `.pmesh`, version 1 | [`compact`] | [`compact::encode`] |
 //! | text, `.lod` (A.21–A.24, D.7) | [`text`] | [`text::write`] |
 //! | smooth levels, `.slod` (B.13–B.16) | [`slod`] | [`slod::encode`] |
 //! | patches, `.pits` (C.3–C.6) | [`patch`] | [`patch::encode`] |
@@ -16,6 +17,7 @@
 //!
 //! Nothing here reads a clock, a file or a socket; memory is bounded by what was pushed.
 
+pub mod compact;
 mod corners;
 mod decoder;
 mod error;

@@ -125,8 +125,16 @@ impl Mixer {
 
 /// Codes binary choices.
 pub(crate) trait Coder {
+    /// True for an encoder: what only encoders do is left out of decoders by it.
+    const ENCODES: bool;
+
     /// One choice, 0 with a chance of `zero` / 65536. A decoder ignores `bit`; both give what it is.
     fn choose(&mut self, zero: u32, bit: bool) -> bool;
+
+    /// Bits so far, fractions counted; a decoder does not know.
+    fn position(&self) -> f64 {
+        0.0
+    }
 
     /// One choice, by a chance that learns from it.
     #[inline(always)]
@@ -238,6 +246,9 @@ impl Encoder {
     /// Ends the bytes. Zeros at the end are left out: a decoder reads zeros past the end. Not more than a few: a decoder that
     /// reads far past the end takes the stream for one that does not hold what it says.
     pub(crate) fn finish(mut self) -> Vec<u8> {
+        // Of the numbers that say the same, the one that ends in most zeros.
+        let last = self.low + u64::from(self.range) - 1;
+        self.low = (0..32).rev().map(|k| last >> k << k).find(|&x| x >= self.low).unwrap_or(last);
         (0..5).for_each(|_| self.shift());
         let zeros = self.bytes.iter().rev().take(ZEROS_LEFT_OUT).take_while(|&&b| b == 0).count();
         self.bytes.truncate(self.bytes.len() - zeros);
@@ -246,6 +257,14 @@ impl Encoder {
 }
 
 impl Coder for Encoder {
+    const ENCODES: bool = true;
+
+    fn position(&self) -> f64 {
+        // The range's logarithm between powers of two as a straight line: the same on every machine.
+        let whole = self.range.ilog2();
+        let log = f64::from(whole) + f64::from(self.range) / f64::from(1u32 << whole) - 1.0;
+        8.0 * (self.bytes.len() as f64 + self.pending as f64) - log
+    }
     fn choose(&mut self, zero: u32, bit: bool) -> bool {
         let bound = (self.range >> 16) * zero;
         if bit {
@@ -288,6 +307,8 @@ impl RangeDecoder {
 }
 
 impl Coder for RangeDecoder {
+    const ENCODES: bool = false;
+
     #[inline(always)]
     fn choose(&mut self, zero: u32, _: bool) -> bool {
         let bound = (self.range >> 16) * zero;

@@ -8,14 +8,17 @@
 //! Half-edge collapses keep vertices in place, for lossless streams; [`Placement::Optimal`] moves the one that stays to
 //! the least quadric error, for shapes as close as possible, at the price of sending where it moved.
 
+mod batches;
 mod closest;
 mod collapser;
 mod forests;
+mod lattice;
 mod patches;
 mod quadric;
 mod ring;
 mod surgery;
 
+pub use batches::{BatchOptions, Profile, collapse_batches};
 pub use closest::cluster_closest;
 pub use collapser::simplify;
 pub use forests::{ForestOptions, collapse_forests};

@@ -17,6 +17,17 @@ pub enum BlockKind {
     Picture,
 }
 
+impl BlockKind {
+    fn parse(byte: u8) -> Result<Self, ReadError> {
+        match byte {
+            0 => Ok(BlockKind::Level),
+            1 => Ok(BlockKind::Texture),
+            2 => Ok(BlockKind::Picture),
+            _ => Err(ReadError::Bad("unknown kind of block")),
+        }
+    }
+}
+
 /// An entry of the table. Blocks follow the header in this order without gaps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Block {
@@ -40,6 +51,8 @@ pub enum Container {
     /// `.pmesh`.
     #[default]
     Pmesh,
+    /// `.pmesh`, version 1.
+    Compact,
     /// `.pits`, patch-coloured.
     Patches,
     /// `.pfs`, forest splits.
@@ -49,14 +62,23 @@ pub enum Container {
 impl Container {
     fn signature(self) -> [u8; 8] {
         match self {
-            Container::Pmesh => SIGNATURE,
+            Container::Pmesh | Container::Compact => SIGNATURE,
             Container::Patches => crate::patch::SIGNATURE,
             Container::Forest => crate::split::SIGNATURE,
         }
     }
+    /// The newest version that is known.
+    fn version(self) -> u8 {
+        if self == Container::Compact { crate::compact::VERSION } else { VERSION }
+    }
+    /// What the table says of a block's bytes.
+    pub(crate) fn checksum(self, block: &[u8]) -> u32 {
+        let whole = crc32fast::hash(block);
+        if self.version() == 1 { whole & 0xffff } else { whole }
+    }
     fn extension(self) -> &'static str {
         match self {
-            Container::Pmesh => ".pmesh",
+            Container::Pmesh | Container::Compact => ".pmesh",
             Container::Patches => ".pits",
             Container::Forest => ".pfs",
         }
@@ -64,6 +86,7 @@ impl Container {
     fn format(self) -> &'static str {
         match self {
             Container::Pmesh => "pmesh 0",
+            Container::Compact => "compact, pmesh 1",
             Container::Patches => "patch-coloured (FC01), pits 0",
             Container::Forest => "forest splits (A.31), pfs 0",
         }
@@ -98,32 +121,11 @@ impl Header {
     /// The header's bytes.
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut out = self.container.signature().to_vec();
-        out.extend([VERSION, 0, 0]);
-        let (a, g) = (self.attribute_set, &self.grids);
-        out.push(u8::from(a.normals) | u8::from(a.colors) << 1 | u8::from(a.texcoords) << 2 | u8::from(self.has_seams) << 3);
-        out.extend([g.position_bits, g.normal_bits, g.color_bits, g.texcoord_bits].map(|b| b.unwrap_or(0)));
-        out.extend(self.file_id.to_le_bytes());
-        let floats = |out: &mut Vec<u8>, f: &[f32]| f.iter().for_each(|x| out.extend(x.to_le_bytes()));
-        floats(&mut out, &self.bounds.0);
-        floats(&mut out, &self.bounds.1);
-        if g.position_bits.is_some() {
-            floats(&mut out, &g.position_origin);
-            out.extend(g.position_step.to_le_bytes());
-        }
-        if a.texcoords && g.texcoord_bits.is_some() {
-            floats(&mut out, &g.texcoord_origin);
-            out.extend(g.texcoord_step.to_le_bytes());
-        }
-        out.push(self.blocks.len() as u8);
-        for b in &self.blocks {
-            out.push(b.kind as u8);
-            put(&mut out, b.byte_count);
-            out.extend(b.checksum.to_le_bytes());
-            if b.kind == BlockKind::Level {
-                put(&mut out, b.new_vertices);
-                put(&mut out, b.new_triangles);
-                floats(&mut out, &[b.error]);
-            }
+        out.extend([self.container.version(), 0, 0]);
+        if self.container.version() == 1 {
+            self.short(&mut out);
+        } else {
+            self.long(&mut out);
         }
         let length = (out.len() + 4) as u16;
         out[9..11].copy_from_slice(&length.to_le_bytes());
@@ -132,10 +134,70 @@ impl Header {
         out
     }
 
+    /// The fields of version 1: what follows from another field is left out.
+    fn short(&self, out: &mut Vec<u8>) {
+        let (a, g) = (self.attribute_set, &self.grids);
+        out.push(self.flags());
+        let bits =
+            [(true, g.position_bits), (a.normals, g.normal_bits), (a.colors, g.color_bits), (a.texcoords, g.texcoord_bits)];
+        out.extend(bits.iter().filter(|b| b.0).map(|b| b.1.unwrap_or(0)));
+        out.extend((self.file_id as u32).to_le_bytes());
+        if g.position_bits.is_some() {
+            put_floats(out, &g.position_origin);
+            out.extend(g.position_step.to_le_bytes());
+            let steps = |k: usize| (f64::from(self.bounds.1[k]) - f64::from(self.bounds.0[k])) / g.position_step;
+            (0..3).for_each(|k| put(out, steps(k).round() as u32));
+        } else {
+            put_floats(out, &self.bounds.0);
+            put_floats(out, &self.bounds.1);
+        }
+        if a.texcoords && g.texcoord_bits.is_some() {
+            put_floats(out, &g.texcoord_origin);
+            out.extend(g.texcoord_step.to_le_bytes());
+        }
+        out.push(self.blocks.len() as u8);
+        self.blocks.iter().for_each(|b| b.put_short(out));
+    }
+
+    fn flags(&self) -> u8 {
+        let a = self.attribute_set;
+        u8::from(a.normals) | u8::from(a.colors) << 1 | u8::from(a.texcoords) << 2 | u8::from(self.has_seams) << 3
+    }
+
+    /// The fields of version 0.
+    fn long(&self, out: &mut Vec<u8>) {
+        let (a, g) = (self.attribute_set, &self.grids);
+        out.push(self.flags());
+        out.extend([g.position_bits, g.normal_bits, g.color_bits, g.texcoord_bits].map(|b| b.unwrap_or(0)));
+        out.extend(self.file_id.to_le_bytes());
+        put_floats(out, &self.bounds.0);
+        put_floats(out, &self.bounds.1);
+        if g.position_bits.is_some() {
+            put_floats(out, &g.position_origin);
+            out.extend(g.position_step.to_le_bytes());
+        }
+        if a.texcoords && g.texcoord_bits.is_some() {
+            put_floats(out, &g.texcoord_origin);
+            out.extend(g.texcoord_step.to_le_bytes());
+        }
+        out.push(self.blocks.len() as u8);
+        for b in &self.blocks {
+            out.push(b.kind as u8);
+            put(out, b.byte_count);
+            out.extend(b.checksum.to_le_bytes());
+            if b.kind == BlockKind::Level {
+                put(out, b.new_vertices);
+                put(out, b.new_triangles);
+                put_floats(out, &[b.error]);
+            }
+        }
+    }
+
     /// The length of the header, from its first [`PREAMBLE_BYTES`].
     pub(crate) fn byte_count(preamble: &[u8; PREAMBLE_BYTES], container: Container) -> Result<usize, DecodeError> {
-        if preamble[8] > VERSION {
-            return Err(DecodeError::NewerVersion { format: container.extension(), found: preamble[8], known: VERSION });
+        let known = container.version();
+        if preamble[8] > known {
+            return Err(DecodeError::NewerVersion { format: container.extension(), found: preamble[8], known });
         }
         let length = usize::from(u16::from_le_bytes([preamble[9], preamble[10]]));
         if !(PREAMBLE_BYTES + 4..=HEADER_LIMIT).contains(&length) {
@@ -152,9 +214,11 @@ impl Header {
             return Err(DecodeError::Checksum { place: Place::Byte(0), what: "the header".into() });
         }
         let mut reader = Reader { rest: &body[PREAMBLE_BYTES..] };
-        let kinds = [Container::Patches, Container::Forest];
-        let container = kinds.into_iter().find(|c| body.starts_with(&c.signature())).unwrap_or_default();
-        let parsed = Self::parse(&mut reader, container).and_then(|h| match reader.rest {
+        let kinds = [Container::Compact, Container::Patches, Container::Forest];
+        let is = |c: &Container| body.starts_with(&c.signature()) && body[PREAMBLE_BYTES - 3] == c.version();
+        let container = kinds.into_iter().find(is).unwrap_or_default();
+        let parse = if container.version() == 1 { Self::parse_short } else { Self::parse };
+        let parsed = parse(&mut reader, container).and_then(|h| match reader.rest {
             [] => Ok(h),
             _ => Err(ReadError::Bad("the header is longer than its fields")),
         });
@@ -169,21 +233,12 @@ impl Header {
     }
 
     fn parse(r: &mut Reader, container: Container) -> Result<Self, ReadError> {
-        let flags = r.u8()?;
-        if flags > 15 {
-            return Err(ReadError::Bad("unknown attribute flags"));
-        }
-        let attribute_set = AttributeSet { normals: flags & 1 != 0, colors: flags & 2 != 0, texcoords: flags & 4 != 0 };
-        let mut bits = |low: u8, high: u8| match r.u8()? {
-            0 => Ok(None),
-            b if (low..=high).contains(&b) => Ok(Some(b)),
-            _ => Err(ReadError::Bad("a precision is out of range")),
-        };
+        let (attribute_set, has_seams) = attributes(r)?;
         let mut grids = Quantisation {
-            position_bits: bits(8, 16)?,
-            normal_bits: bits(4, 16)?,
-            color_bits: bits(1, 16)?,
-            texcoord_bits: bits(4, 20)?,
+            position_bits: bits(r, 8, 16)?,
+            normal_bits: bits(r, 4, 16)?,
+            color_bits: bits(r, 1, 16)?,
+            texcoord_bits: bits(r, 4, 20)?,
             ..Default::default()
         };
         let file_id = u64::from_le_bytes(r.array()?);
@@ -196,19 +251,41 @@ impl Header {
             grids.texcoord_origin = floats(r)?;
             grids.texcoord_step = step(r)?;
         }
-        let count = usize::from(r.u8()?);
-        if count > BLOCK_LIMIT {
-            return Err(ReadError::Bad("the table has more than 64 entries"));
+        let blocks = table(r, Block::parse)?;
+        Ok(Self { container, file_id, attribute_set, has_seams, grids, bounds, blocks })
+    }
+
+    fn parse_short(r: &mut Reader, container: Container) -> Result<Self, ReadError> {
+        let (attribute_set, has_seams) = attributes(r)?;
+        let mut grids = Quantisation { position_bits: bits(r, 8, 16)?, ..Default::default() };
+        if attribute_set.normals {
+            grids.normal_bits = bits(r, 4, 16)?;
         }
-        let blocks = (0..count).map(|_| Block::parse(r)).collect::<Result<Vec<_>, _>>()?;
-        if !blocks.iter().any(|b| b.kind == BlockKind::Level) {
-            return Err(ReadError::Bad("the table has no level"));
+        if attribute_set.colors {
+            grids.color_bits = bits(r, 1, 16)?;
         }
-        let total = |f: fn(&Block) -> u32| blocks.iter().map(|b| u64::from(f(b))).sum::<u64>();
-        if total(|b| b.new_vertices) >= 1 << 30 || total(|b| b.new_triangles) >= 1 << 30 {
-            return Err(ReadError::Bad("more than 2^30 vertices or triangles"));
+        if attribute_set.texcoords {
+            grids.texcoord_bits = bits(r, 4, 20)?;
         }
-        Ok(Self { container, file_id, attribute_set, has_seams: flags & 8 != 0, grids, bounds, blocks })
+        let file_id = u64::from(u32::from_le_bytes(r.array()?));
+        let bounds;
+        if grids.position_bits.is_some() {
+            grids.position_origin = floats(r)?;
+            grids.position_step = step(r)?;
+            let mut top = grids.position_origin;
+            for x in &mut top {
+                *x = (f64::from(*x) + f64::from(r.varint()?) * grids.position_step) as f32;
+            }
+            bounds = (grids.position_origin, top);
+        } else {
+            bounds = (floats(r)?, floats(r)?);
+        }
+        if attribute_set.texcoords && grids.texcoord_bits.is_some() {
+            grids.texcoord_origin = floats(r)?;
+            grids.texcoord_step = step(r)?;
+        }
+        let blocks = table(r, Block::parse_short)?;
+        Ok(Self { container, file_id, attribute_set, has_seams, grids, bounds, blocks })
     }
 
     /// What a user of the stream wants to know; `header_bytes` is where the first block begins.
@@ -242,14 +319,78 @@ impl Header {
     }
 }
 
+/// What is set for attributes, and whether there are seams.
+fn attributes(r: &mut Reader) -> Result<(AttributeSet, bool), ReadError> {
+    let flags = r.u8()?;
+    if flags > 15 {
+        return Err(ReadError::Bad("unknown attribute flags"));
+    }
+    Ok((AttributeSet { normals: flags & 1 != 0, colors: flags & 2 != 0, texcoords: flags & 4 != 0 }, flags & 8 != 0))
+}
+
+fn bits(r: &mut Reader, low: u8, high: u8) -> Result<Option<u8>, ReadError> {
+    match r.u8()? {
+        0 => Ok(None),
+        b if (low..=high).contains(&b) => Ok(Some(b)),
+        _ => Err(ReadError::Bad("a precision is out of range")),
+    }
+}
+
+fn table(r: &mut Reader, entry: fn(&mut Reader) -> Result<Block, ReadError>) -> Result<Vec<Block>, ReadError> {
+    let count = usize::from(r.u8()?);
+    if count > BLOCK_LIMIT {
+        return Err(ReadError::Bad("the table has more than 64 entries"));
+    }
+    let blocks = (0..count).map(|_| entry(r)).collect::<Result<Vec<_>, _>>()?;
+    if !blocks.iter().any(|b| b.kind == BlockKind::Level) {
+        return Err(ReadError::Bad("the table has no level"));
+    }
+    let total = |f: fn(&Block) -> u32| blocks.iter().map(|b| u64::from(f(b))).sum::<u64>();
+    if total(|b| b.new_vertices) >= 1 << 30 || total(|b| b.new_triangles) >= 1 << 30 {
+        return Err(ReadError::Bad("more than 2^30 vertices or triangles"));
+    }
+    Ok(blocks)
+}
+
+/// A positive float's upper half, no smaller than it.
+fn upper_half(x: f32) -> u16 {
+    ((u64::from(x.max(0.0).to_bits()) + 0xffff) >> 16) as u16
+}
+
 impl Block {
+    /// As version 1 has it: how much fewer than twice as many triangles as vertices, half of the error, half of the checksum.
+    fn put_short(&self, out: &mut Vec<u8>) {
+        put(out, self.byte_count);
+        out.push(self.kind as u8);
+        out.extend((self.checksum as u16).to_le_bytes());
+        if self.kind == BlockKind::Level {
+            put(out, self.new_vertices);
+            let missing = i64::from(self.new_vertices) * 2 - i64::from(self.new_triangles);
+            put(out, (missing << 1 ^ missing >> 63) as u32);
+            out.extend(upper_half(self.error).to_le_bytes());
+        }
+    }
+    fn parse_short(r: &mut Reader) -> Result<Self, ReadError> {
+        let byte_count = r.varint()?;
+        let kind = BlockKind::parse(r.u8()?)?;
+        let checksum = u32::from(u16::from_le_bytes(r.array()?));
+        let mut block = Block { kind, byte_count, checksum, new_vertices: 0, new_triangles: 0, error: 0.0 };
+        if kind == BlockKind::Level {
+            block.new_vertices = r.varint()?;
+            let folded = r.varint()?;
+            let missing = i64::from(folded >> 1) ^ -i64::from(folded & 1);
+            let triangles = i64::from(block.new_vertices) * 2 - missing;
+            block.new_triangles =
+                u32::try_from(triangles).map_err(|_| ReadError::Bad("a number of triangles is out of range"))?;
+            block.error = f32::from_bits(u32::from(u16::from_le_bytes(r.array()?)) << 16);
+            if !block.error.is_finite() {
+                return Err(ReadError::Bad("a number is not finite"));
+            }
+        }
+        Ok(block)
+    }
     fn parse(r: &mut Reader) -> Result<Self, ReadError> {
-        let kind = match r.u8()? {
-            0 => BlockKind::Level,
-            1 => BlockKind::Texture,
-            2 => BlockKind::Picture,
-            _ => return Err(ReadError::Bad("unknown kind of block")),
-        };
+        let kind = BlockKind::parse(r.u8()?)?;
         let byte_count = r.varint()?;
         let checksum = u32::from_le_bytes(r.array()?);
         let mut block = Block { kind, byte_count, checksum, new_vertices: 0, new_triangles: 0, error: 0.0 };
@@ -261,6 +402,10 @@ impl Block {
         }
         Ok(block)
     }
+}
+
+fn put_floats(out: &mut Vec<u8>, floats: &[f32]) {
+    floats.iter().for_each(|x| out.extend(x.to_le_bytes()));
 }
 
 fn floats<const N: usize>(r: &mut Reader) -> Result<[f32; N], ReadError> {

@@ -127,9 +127,6 @@ pub(crate) struct BaseCoder {
     vertex_total: u32,
     triangle_total: u32,
     pub(crate) triangles: Vec<[u32; 3]>,
-    /// Seams: (vertex, earlier vertex at the same position).
-    pub(crate) seams: Vec<(u32, u32)>,
-    has_seams: bool,
     /// Open edges that wait to be looked at: a, b, and the vertex opposite in the triangle that has them.
     queue: VecDeque<(u32, u32, u32)>,
     /// Open directed edges: how many.
@@ -147,13 +144,11 @@ pub(crate) struct BaseCoder {
 }
 
 impl BaseCoder {
-    pub(crate) fn new(vertex_total: u32, triangle_total: u32, width: usize, has_seams: bool) -> Self {
+    pub(crate) fn new(vertex_total: u32, triangle_total: u32, width: usize) -> Self {
         Self {
             vertex_total,
             triangle_total,
             triangles: Vec::new(),
-            seams: Vec::new(),
-            has_seams,
             queue: VecDeque::new(),
             open: HashMap::new(),
             into: Vec::new(),
@@ -275,7 +270,7 @@ impl BaseCoder {
         }
         let shared = truth.as_deref().zip(wanted).and_then(|(t, w)| t.first_there(w));
         let mut seam = None;
-        if self.has_seams {
+        if rows.has_seams {
             let back = coder.number(&mut self.seam, shared.map_or(0, |c| v - c));
             if back > 0 {
                 seam = Some(v.checked_sub(back).ok_or("a seam to a vertex before the first")?);
@@ -297,7 +292,7 @@ impl BaseCoder {
         let own = truth.as_deref().zip(wanted).map(|(t, w)| t.rows.row(w).to_vec());
         if let Some(p) = seam {
             (0..3).for_each(|k| predicted[k] = rows.value(p, k));
-            self.seams.push((v, p));
+            rows.seams.push((v, p));
         }
         let scale = match beside {
             Some((a, b, o)) => {

@@ -37,6 +37,7 @@ pub struct RefinementDecoder {
     surface: Surface,
     rows: Rows,
     emitted_rows: u32,
+    emitted_seams: usize,
     levels: u32,
     offset: u64,
     base: (u32, u64),
@@ -59,6 +60,7 @@ impl RefinementDecoder {
             surface: Surface::default(),
             rows: Rows::default(),
             emitted_rows: 0,
+            emitted_seams: 0,
             levels: 0,
             offset: 0,
             base: (0, 0),
@@ -88,6 +90,7 @@ impl RefinementDecoder {
         }
         self.channels = Channels::new(header.attribute_set, header.grids);
         self.rows.width = self.channels.count();
+        self.rows.has_seams = header.has_seams;
         self.events.push_back(Event::Info(header.info(self.offset)));
         self.header = Some(header);
         Ok(taken)
@@ -110,7 +113,7 @@ impl RefinementDecoder {
         let mut bytes: Vec<u8> = self.pending.drain(..block.byte_count as usize).collect();
         self.offset += bytes.len() as u64;
         let place = Place::Byte(self.offset);
-        if crc32fast::hash(&bytes) != block.checksum {
+        if self.container.checksum(&bytes) != block.checksum {
             return Err(DecodeError::Checksum { place, what: format!("block {}", self.block) });
         }
         if block.kind != BlockKind::Level {
@@ -122,16 +125,18 @@ impl RefinementDecoder {
         self.job = Some(if self.levels > 0 && block.new_triangles == 0 && last {
             // Vertices that no triangle uses.
             let total = self.rows.count() + block.new_vertices;
-            let rest = BaseCoder::new(total, 0, self.rows.width, header.has_seams);
+            let rest = BaseCoder::new(total, 0, self.rows.width);
             Job::Base(RangeDecoder::new(bytes), Box::new(rest), 0)
         } else if self.levels == 0 {
             self.base = (block.new_vertices, u64::from(block.byte_count));
-            let base = BaseCoder::new(block.new_vertices, block.new_triangles, self.rows.width, header.has_seams);
+            let base = BaseCoder::new(block.new_vertices, block.new_triangles, self.rows.width);
             Job::Base(RangeDecoder::new(bytes), Box::new(base), 0)
         } else {
             self.level_bytes += u64::from(block.byte_count);
-            let doubled = block.new_triangles == 2 * u64::from(block.new_vertices).min(1 << 30) as u32;
-            if !doubled || !self.levels_of.begin(&mut bytes, block.new_vertices, self.rows.width) {
+            // A vertex brings two triangles; along a boundary, which compact levels refine, one.
+            let (new, twice) = (u64::from(block.new_triangles), 2 * u64::from(block.new_vertices));
+            let counts = if self.container == Container::Compact { twice / 2..=twice } else { twice..=twice };
+            if !counts.contains(&new) || !self.levels_of.begin(&mut bytes, block.new_vertices, self.rows.width) {
                 return Err(DecodeError::syntax(place, format!("block {} is no level that refines the one before", self.block)));
             }
             Job::Level(RangeDecoder::new(bytes))
@@ -157,7 +162,6 @@ impl RefinementDecoder {
                 let done = base.step(coder, &mut self.rows, None, STEP)?;
                 part.triangles.extend_from_slice(&base.triangles[*emitted..]);
                 *emitted = base.triangles.len();
-                part.position_of = std::mem::take(&mut base.seams);
                 if done && self.levels == 0 {
                     let builder = SurfaceBuilder::new(std::mem::take(&mut base.triangles), self.rows.count());
                     next_job = Some(Job::Surface(Box::new(builder)));
@@ -176,6 +180,8 @@ impl RefinementDecoder {
             self.channels.push(self.rows.row(v), &mut part.vertices);
         }
         self.emitted_rows = self.rows.count();
+        part.position_of.extend_from_slice(&self.rows.seams[self.emitted_seams..]);
+        self.emitted_seams = self.rows.seams.len();
         self.events.push_back(Event::Part(part));
         if done {
             self.events.push_back(Event::LevelEnd);
@@ -256,8 +262,8 @@ mod tests {
     use pmesh_core::{IndexedMesh, Vertices};
     use proptest::prelude::*;
 
-    /// A square of 6 × 6 vertices, a fan taken out in the one file, a collapse undone in the other.
-    fn files() -> [Vec<u8>; 2] {
+    /// A square of 6 × 6 vertices; a fan taken out of it, a forest of collapses undone, vertices split inside and at the boundary.
+    fn files() -> [Vec<u8>; 3] {
         let positions = (0..36).map(|v| [(v % 6) as f32, (v / 6) as f32, 0.0]).collect();
         let cell = |c: u32| {
             let a = c / 5 * 6 + c % 5;
@@ -277,7 +283,17 @@ mod tests {
         let removed = vec![crate::patch::Removed { vertex: 14, apex: 8, chain, color: 1 }];
         let levels = vec![crate::patch::PatchLevel { removed }];
         let patch = crate::patch::PatchStream { mesh, base_triangles: base, levels, ..Default::default() };
-        let mut out = [Vec::new(), Vec::new()];
+        let inside = crate::compact::Removed { vertex: 14, apex: 8, chain: vec![15, 21, 20, 13, 7], ..Default::default() };
+        let side = crate::compact::Side::Tail;
+        let boundary = crate::compact::Removed { vertex: 2, apex: 1, chain: vec![8, 9, 3], side };
+        let mut coarse: Vec<[u32; 3]> = patch.base_triangles.clone();
+        coarse.retain(|t| *t != [1, 2, 8]);
+        coarse.iter_mut().flatten().filter(|v| **v == 2).for_each(|v| *v = 1);
+        let levels = vec![vec![inside, boundary]];
+        let compact =
+            crate::compact::CompactStream { mesh: patch.mesh.clone(), base_triangles: coarse, levels, ..Default::default() };
+        let mut out = [Vec::new(), Vec::new(), Vec::new()];
+        crate::compact::encode(&compact, None, &mut out[2]).expect("it encodes");
         crate::patch::encode(&patch, None, &mut out[0]).expect("it encodes");
         crate::split::encode(&split, None, &mut out[1]).expect("it encodes");
         out
@@ -288,15 +304,16 @@ mod tests {
         let length = usize::from(u16::from_le_bytes([file[9], file[10]]));
         let mut header = Header::from_bytes(&file[..length]).expect("it is ours");
         let base = &file[length..length + header.blocks[0].byte_count as usize];
+        let checksum = header.container.checksum(level);
         let block = &mut header.blocks[1];
-        (block.byte_count, block.checksum) = (level.len() as u32, crc32fast::hash(level));
+        (block.byte_count, block.checksum) = (level.len() as u32, checksum);
         (block.new_vertices, block.new_triangles) = (count, 2 * count);
         [&header.to_bytes()[..], base, level].concat()
     }
 
     #[test]
     fn the_files_that_are_forged_are_whole() {
-        for (file, count) in files().iter().zip([1, 3]) {
+        for (file, count) in files().iter().zip([1, 3, 2]) {
             let mut receiver = Receiver::default();
             receiver.push(file).and_then(|()| receiver.finish()).expect("it decodes");
             assert_eq!(receiver.mesh().vertex_count(1).map(|n| n + count), receiver.mesh().vertex_count(0));

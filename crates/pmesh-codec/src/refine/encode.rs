@@ -22,7 +22,8 @@ pub(crate) struct Writer {
     header: Header,
     channels: Channels,
     payloads: Vec<Vec<u8>>,
-    position_of: Vec<u32>,
+    /// For each vertex of the mesh the one whose position it shares, or [`NONE`].
+    pub(crate) position_of: Vec<u32>,
     /// Vertices of no triangle.
     loose: Vec<u32>,
     /// Rows of all vertices, in the numbering of the mesh.
@@ -51,7 +52,7 @@ impl Writer {
         let set = mesh.vertices.set();
         let grids = Quantisation::fit(&mesh.vertices, position_bits);
         let channels = Channels::new(set, grids);
-        let mut source = Rows { width: channels.count(), values: Vec::new() };
+        let mut source = Rows { width: channels.count(), ..Default::default() };
         (0..mesh.vertices.len()).for_each(|i| channels.row(&mesh.vertices, i, &mut source.values));
         let mut used = vec![false; mesh.vertices.len()];
         base_triangles.iter().flatten().for_each(|&v| used[v as usize] = true);
@@ -64,8 +65,8 @@ impl Writer {
         let mut truth = BaseTruth::new(&source, base_triangles, &position_of);
         // Vertices of levels are not the base's, and those of no triangle come last.
         later.iter().for_each(|&v| truth.coded[v as usize] = NONE - 1);
-        let mut base = BaseCoder::new(count, base_triangles.len() as u32, source.width, has_seams);
-        let mut rows = Rows { width: source.width, values: Vec::new() };
+        let mut base = BaseCoder::new(count, base_triangles.len() as u32, source.width);
+        let mut rows = Rows { width: source.width, has_seams, ..Default::default() };
         let mut coder = Encoder::new();
         while !base.step(&mut coder, &mut rows, Some(&mut truth), usize::MAX).map_err(misfit)? {}
         let payload = coder.finish();
@@ -97,7 +98,12 @@ impl Writer {
 
     /// A level of `count` vertices.
     pub(crate) fn level(&mut self, count: u32, payload: Vec<u8>, error: Option<&f32>) {
-        self.push(payload, (count, 2 * count), error);
+        self.level_of(count, 2 * count, payload, error);
+    }
+
+    /// A level of `count` vertices and `triangles` triangles.
+    pub(crate) fn level_of(&mut self, count: u32, triangles: u32, payload: Vec<u8>, error: Option<&f32>) {
+        self.push(payload, (count, triangles), error);
     }
 
     fn push(&mut self, mut payload: Vec<u8>, new: (u32, u32), error: Option<&f32>) {
@@ -108,7 +114,7 @@ impl Writer {
         self.header.blocks.push(Block {
             kind: BlockKind::Level,
             byte_count: payload.len() as u32,
-            checksum: crc32fast::hash(&payload),
+            checksum: 0,
             new_vertices: new.0,
             new_triangles: new.1,
             error: error.copied().unwrap_or(0.0),
@@ -127,7 +133,7 @@ impl Writer {
             self.vertex_order.iter().for_each(|&v| truth.know(v, coded[v as usize]));
             self.loose.iter().for_each(|&v| truth.coded[v as usize] = NONE);
             let mut coder = Encoder::new();
-            let mut rest = BaseCoder::new(self.rows.count() + loose.0, 0, self.rows.width, self.header.has_seams);
+            let mut rest = BaseCoder::new(self.rows.count() + loose.0, 0, self.rows.width);
             while !rest.step(&mut coder, &mut self.rows, Some(&mut truth), usize::MAX).map_err(misfit)? {}
             let payload = coder.finish();
             loose.1 = payload.len();
@@ -144,7 +150,10 @@ impl Writer {
         (0..self.rows.count()).for_each(|v| self.channels.push(self.rows.row(v), &mut vertices));
         self.header.bounds = IndexedMesh { vertices, ..Default::default() }.bounds();
         let total: u64 = self.payloads.iter().map(|p| p.len() as u64).sum();
-        self.header.file_id = u64::from(crc32fast::hash(&self.header.to_bytes())) << 32 | (total & 0xffff_ffff);
+        let container = self.header.container;
+        self.header.blocks.iter_mut().zip(&self.payloads).for_each(|(b, p)| b.checksum = container.checksum(p));
+        let content = u64::from(crc32fast::hash(&self.header.to_bytes()));
+        self.header.file_id = if container == Container::Compact { content } else { content << 32 | (total & 0xffff_ffff) };
         out.write_all(&self.header.to_bytes())?;
         self.payloads.iter().try_for_each(|p| out.write_all(p))?;
         Ok(loose)

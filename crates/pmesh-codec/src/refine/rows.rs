@@ -10,6 +10,10 @@ const SCALES: usize = 24;
 pub(crate) struct Rows {
     pub(crate) width: usize,
     pub(crate) values: Vec<i32>,
+    /// True if vertices may share positions.
+    pub(crate) has_seams: bool,
+    /// (vertex, first vertex at the same position), in the order of the vertices.
+    pub(crate) seams: Vec<(u32, u32)>,
 }
 
 impl Rows {

@@ -254,6 +254,37 @@ impl Surface {
     }
 }
 
+impl Surface {
+    /// Puts a new vertex at the boundary: the triangles of `fan`, from its apex's first (`head`) or up to its last, leave the apex
+    /// for the vertex, and one triangle joins the vertex to the apex. `beside` is the apex's corner next to them, if it keeps
+    /// one; the fan may have no triangle. Gives the vertex. O(fan).
+    pub fn insert_at_boundary(&mut self, fan: &Fan, head: bool, beside: Option<u32>) -> u32 {
+        let v = self.corner_of.len() as u32;
+        for &c in &fan.corners {
+            self.triangles[c as usize / 3][c as usize % 3] = v;
+        }
+        let one = self.triangles.len() as u32 * 3;
+        // The edge between the vertex's triangles and the new one, that between the new one and the apex's.
+        let (corners, own, kept) = if head {
+            ([v, fan.chain[fan.chain.len() - 1], fan.apex], fan.corners.last().map(|&c| previous(c)), beside)
+        } else {
+            ([v, fan.apex, fan.chain[0]], fan.corners.first().copied(), beside.map(previous))
+        };
+        self.triangles.push(corners);
+        self.across.extend([NONE; 3]);
+        let (to_own, to_kept, apex) = if head { (one, one + 1, one + 2) } else { (one + 2, one + 1, one + 1) };
+        for (a, b) in [(to_own, own), (to_kept, kept)] {
+            if let Some(b) = b {
+                self.across[a as usize] = b;
+                self.across[b as usize] = a;
+            }
+        }
+        self.corner_of.push(one);
+        self.corner_of[fan.apex as usize] = apex;
+        v
+    }
+}
+
 /// The canonical order: breadth first over vertices from vertex 0, about each of them the triangles that are not listed yet,
 /// counter-clockwise; a boundary vertex begins at its clockwise-most triangle, another at the edge to the vertex that
 /// discovered it; then the lowest vertex that was not met (C.12). Made in steps.

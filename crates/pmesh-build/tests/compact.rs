@@ -1,0 +1,195 @@
+//! The compact stream: what goes in comes out, at any precision, with seams and without a hole on the way.
+
+mod common;
+
+use common::{ground, no_level_has_a_hole, soup};
+use pmesh_build::compare::difference;
+use pmesh_build::import::link_seams;
+use pmesh_build::measure::deviation;
+use pmesh_build::sample::{globe, sample};
+use pmesh_build::simplify::{BatchOptions, Profile, collapse_batches};
+use pmesh_codec::Receiver;
+use pmesh_codec::compact::{CompactStream, encode};
+use pmesh_codec::pmesh::quantise;
+use pmesh_core::{IndexedMesh, ProgressiveMultilevelMesh, reference};
+use proptest::prelude::*;
+use std::collections::HashSet;
+
+const SMALL: BatchOptions = BatchOptions { base_vertices: 4, profile: Profile::Prefix };
+
+fn taken_apart(mesh: &IndexedMesh, bits: Option<u8>, options: BatchOptions) -> CompactStream {
+    CompactStream { mesh: mesh.clone(), ..collapse_batches(&quantise(mesh, bits), options, |_| ()) }
+}
+
+fn encoded(stream: &CompactStream, bits: Option<u8>) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    encode(stream, bits, &mut bytes).expect("it encodes");
+    bytes
+}
+
+fn received(bytes: &[u8], piece: usize) -> ProgressiveMultilevelMesh {
+    let mut receiver = Receiver::default();
+    bytes.chunks(piece.min(bytes.len())).try_for_each(|b| receiver.push(b)).and_then(|()| receiver.finish()).expect("it decodes");
+    receiver.mesh().check_invariants();
+    receiver.into_mesh()
+}
+
+/// The file, decoded, checked against what went in, level by level.
+fn round_trip(mesh: &IndexedMesh, bits: Option<u8>, options: BatchOptions) -> (Vec<u8>, ProgressiveMultilevelMesh) {
+    let bytes = encoded(&taken_apart(mesh, bits, options), bits);
+    let again = received(&bytes, usize::MAX);
+    assert_eq!(difference(&again.finest_mesh(), &quantise(mesh, bits)), None);
+    for level in 0..again.level_count() {
+        assert_eq!(again.triangles_at(level), reference::triangles_at(&again, level), "level {level}");
+        again.mesh_at(level.into()).expect("the level is there").check().expect("it is valid");
+    }
+    (bytes, again)
+}
+
+#[test]
+fn every_sample_comes_back_exactly() {
+    for name in ["marble", "tetrahedra", "knot", "part", "globe"] {
+        let mesh = sample(name).expect("it is built in").mesh;
+        for (bits, profile) in [(Some(12), Profile::Prefix), (Some(16), Profile::Size), (None, Profile::Prefix)] {
+            let (bytes, again) = round_trip(&mesh, bits, BatchOptions { profile, ..Default::default() });
+            println!("{name} {bits:?} {profile:?}: {} bytes, {} levels", bytes.len(), again.level_count());
+            // Whatever was asked for before, coarse levels are coarse.
+            let coarsest = again.mesh_at(f64::from(again.level_count() - 1)).expect("a level").vertices.len();
+            assert!(coarsest < 2500 && (name == "globe" || coarsest < 130), "{name}: {coarsest}");
+        }
+    }
+}
+
+#[test]
+fn both_sides_of_a_seam_go_and_come_together() {
+    let mut mesh = globe(40).mesh;
+    link_seams(&mut mesh);
+    assert!(!mesh.position_of.is_empty());
+    let (_, again) = round_trip(&mesh, Some(14), SMALL);
+    no_level_has_a_hole(&again);
+    let coarse = again.mesh_at(f64::from(again.level_count() - 1)).expect("a level");
+    assert!(coarse.vertices.len() * 3 < mesh.vertices.len(), "{} of {}", coarse.vertices.len(), mesh.vertices.len());
+}
+
+#[test]
+fn levels_are_independent_sets_and_arcs_of_their_neighbours() {
+    for name in ["knot", "part"] {
+        let stream = taken_apart(&sample(name).expect("it is built in").mesh, Some(12), BatchOptions::default());
+        assert!(stream.levels.len() > 5);
+        for level in &stream.levels {
+            let gone: HashSet<u32> = level.iter().map(|r| r.vertex).collect();
+            assert_eq!(gone.len(), level.len());
+            assert!(level.iter().all(|r| !gone.contains(&r.apex) && r.chain.iter().all(|v| !gone.contains(v))));
+        }
+    }
+}
+
+/// Hills of n × n vertices; the cells' diagonals run the other way where `turned` says so.
+fn height_map(n: u32, turned: impl Fn(u32) -> bool) -> IndexedMesh {
+    let height = |i: f32, j: f32| (i * 0.07).sin() * (j * 0.05).cos() * 20.0 + (i * 0.5).sin() * (j * 0.4).sin();
+    let positions = (0..n * n).map(|v| [(v / n) as f32, (v % n) as f32, height((v / n) as f32, (v % n) as f32)]).collect();
+    let cells = (0..(n - 1) * (n - 1)).map(|c| c / (n - 1) * n + c % (n - 1));
+    let cell = |a| match turned(a) {
+        false => [[a, a + n, a + n + 1], [a, a + n + 1, a + 1]],
+        true => [[a, a + n, a + 1], [a + n, a + n + 1, a + 1]],
+    };
+    let vertices = pmesh_core::Vertices { positions, ..Default::default() };
+    IndexedMesh { vertices, triangles: cells.flat_map(cell).collect(), ..Default::default() }
+}
+
+#[test]
+fn a_height_map_costs_next_to_nothing_but_its_heights() {
+    let mesh = height_map(150, |_| false);
+    let stream = taken_apart(&mesh, Some(12), BatchOptions::default());
+    let mut bytes = Vec::new();
+    let report = encode(&stream, Some(12), &mut bytes).expect("it encodes");
+    assert_eq!(difference(&received(&bytes, 999).finest_mesh(), &quantise(&mesh, Some(12))), None);
+    let connectivity = (report.spent.flags + report.spent.ways) / f64::from(report.removed.0);
+    assert!(connectivity < 1.0, "{connectivity} bits a vertex for the connectivity of a grid");
+}
+
+#[test]
+fn the_profiles_keep_their_promises() {
+    // Diagonals at random: no grid that could be halved.
+    let mesh = height_map(100, |a| a.wrapping_mul(2_654_435_761) >> 31 == 1);
+    let [prefix, size] = [Profile::Prefix, Profile::Size].map(|profile| {
+        let options = BatchOptions { profile, ..Default::default() };
+        let stream = taken_apart(&mesh, Some(12), options);
+        let bytes = encoded(&stream, Some(12));
+        let mut receiver = Receiver::default();
+        receiver.push(&bytes[..3000]).expect("it decodes");
+        let newest = receiver.mesh().level_count() - receiver.mesh().arrived_levels();
+        let shown = receiver.mesh().mesh_at(f64::from(newest)).expect("a level");
+        (bytes.len(), deviation(&quantise(&mesh, Some(12)), &shown, 20_000).rms)
+    });
+    assert!(size.0 < prefix.0, "{size:?} {prefix:?}");
+    assert!(prefix.1 < size.1, "{size:?} {prefix:?}");
+}
+
+#[test]
+fn any_cut_of_the_bytes_gives_the_same_levels() {
+    let mesh = sample("part").expect("it is built in").mesh;
+    let bytes = encoded(&taken_apart(&mesh, Some(12), BatchOptions::default()), Some(12));
+    let whole = received(&bytes, usize::MAX);
+    for piece in [1, 7, 1000] {
+        let cut = received(&bytes, piece);
+        for level in 0..whole.level_count() {
+            assert_eq!(cut.triangles_at(level), whole.triangles_at(level));
+        }
+        assert_eq!(difference(&cut.finest_mesh(), &whole.finest_mesh()), None);
+    }
+}
+
+/// A number for a mesh, the same wherever it is decoded: FNV-1a over positions, then indices.
+fn fingerprint(mesh: &IndexedMesh) -> u64 {
+    let numbers = mesh.vertices.positions.iter().flatten().map(|x| x.to_bits()).chain(mesh.triangles.iter().flatten().copied());
+    numbers.fold(0xcbf2_9ce4_8422_2325, |h, x| (h ^ u64::from(x)).wrapping_mul(0x0100_0000_01b3))
+}
+
+/// A file of this version, written byte for byte again; tests/wasm decodes the same one in browsers to the same number.
+/// `PMESH_UPDATE=1` writes it anew.
+#[test]
+fn the_golden_file_is_written_and_read_the_same_everywhere() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../pmesh-codec/tests/data/version1-part.pmesh");
+    let mesh = sample("part").expect("it is built in").mesh.positions_only();
+    let bytes = encoded(&taken_apart(&mesh, Some(12), BatchOptions::default()), Some(12));
+    if std::env::var_os("PMESH_UPDATE").is_some() {
+        std::fs::write(&path, &bytes).expect("it can be written");
+    }
+    assert!(std::fs::read(&path).expect("it is there") == bytes, "the file is written differently");
+    let again = received(&bytes, 100).mesh_at(0.0).expect("it is whole");
+    assert_eq!(fingerprint(&again), 0xf49b_cea5_8476_9010, "{:#x}: change it in tests/wasm/model.rs too", fingerprint(&again));
+}
+
+/// Some vertices of a mesh told apart by a colour: seams anywhere.
+fn with_seams(mut mesh: IndexedMesh, sheets: &[u8]) -> IndexedMesh {
+    let n = mesh.vertices.len() as u32;
+    let copies = mesh.vertices.clone();
+    let color = |c: u8, n: u32| vec![[f32::from(c), 0.0, 0.0, 1.0]; n as usize];
+    mesh.vertices.attributes.colors = color(0, n);
+    let mut more = copies;
+    more.attributes.colors = color(1, n);
+    mesh.vertices.extend_from(&more);
+    for (i, t) in mesh.triangles.iter_mut().enumerate() {
+        if sheets.get(i % sheets.len().max(1)).is_some_and(|s| *s == 0) {
+            *t = t.map(|v| v + n);
+        }
+    }
+    mesh.position_of.clear();
+    link_seams(&mut mesh);
+    mesh
+}
+
+proptest! {
+    #[test]
+    fn any_soup_comes_back(mesh in soup(), bits in prop::option::of(8u8..=16)) {
+        round_trip(&mesh, bits, SMALL);
+    }
+
+    #[test]
+    fn any_ground_comes_back(mesh in ground(), sheets in prop::collection::vec(0u8..6, 1..40), size: bool) {
+        let profile = if size { Profile::Size } else { Profile::Prefix };
+        round_trip(&mesh, None, BatchOptions { profile, ..SMALL });
+        round_trip(&with_seams(mesh, &sheets), Some(12), BatchOptions { profile, ..SMALL });
+    }
+}

@@ -1,0 +1,103 @@
+//! Levels of collapses to bytes. The encoder refines as the decoder will, so that both number everything alike.
+
+use super::level::{LevelCoder, LevelModel, LevelTruth, Memory, Spent, Split};
+use super::options::Side;
+use crate::pmesh::header::Container;
+use crate::range::Encoder;
+use crate::refine::encode::{Writer, misfit};
+use crate::{EncodeError, Texture};
+use pmesh_core::IndexedMesh;
+use std::io::Write;
+
+/// A vertex that a coarser level lacks.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Removed {
+    /// The vertex.
+    pub vertex: u32,
+    /// The neighbour that stands for it.
+    pub apex: u32,
+    /// Where its triangles lie among those of the apex.
+    pub side: Side,
+    /// Its other neighbours, counter-clockwise.
+    pub chain: Vec<u32>,
+}
+
+/// A mesh and how it is taken apart.
+#[derive(Clone, Debug, Default)]
+pub struct CompactStream {
+    /// The finest mesh.
+    pub mesh: IndexedMesh,
+    /// Triangles of the base mesh, in the finest mesh's vertices.
+    pub base_triangles: Vec<[u32; 3]>,
+    /// Levels after the base, coarsest first; in each no two vertices are neighbours.
+    pub levels: Vec<Vec<Removed>>,
+    /// Geometric error of each level, the base first; model units.
+    pub errors: Vec<f32>,
+    /// The base-colour image.
+    pub texture: Option<Texture>,
+}
+
+/// What was written.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CompactReport {
+    /// Vertices and triangles of the base mesh, and its bytes.
+    pub base: (u32, u32, usize),
+    /// Vertices of no triangle, and their bytes.
+    pub loose: (u32, usize),
+    /// Vertices of the levels, and their bytes.
+    pub removed: (u32, usize),
+    /// What these bytes say, in bits.
+    pub spent: Spent,
+}
+
+/// Writes a stream. `position_bits` as in `.pmesh`. O(n). Errors: more levels than a table holds, collapses that do not fit the
+/// mesh, or a failing writer.
+pub fn encode(stream: &CompactStream, position_bits: Option<u8>, out: &mut impl Write) -> Result<CompactReport, EncodeError> {
+    let mut in_levels = vec![false; stream.mesh.vertices.len()];
+    stream.levels.iter().flatten().for_each(|r| in_levels[r.vertex as usize] = true);
+    let later = |v: u32| in_levels[v as usize];
+    let base = &stream.base_triangles;
+    let mut writer = Writer::new(Container::Compact, &stream.mesh, position_bits, base, later, stream.errors.first())?;
+    let mut report = CompactReport { base: writer.base, ..Default::default() };
+    let mut coded = writer.coded();
+    let (mut model, mut memory) = (LevelModel::new(writer.rows.width), Memory::default());
+    for (i, level) in stream.levels.iter().enumerate() {
+        let mut splits = vec![Vec::new(); writer.rows.count() as usize];
+        for r in level {
+            let chain = r.chain.iter().map(|&v| coded[v as usize]).collect();
+            let apex = coded[r.apex as usize] as usize;
+            let list = splits.get_mut(apex).ok_or("a split of nothing").map_err(misfit)?;
+            list.push(Split { vertex: r.vertex, side: r.side, chain });
+        }
+        let count = level.len() as u32;
+        let before = writer.rows.count();
+        let triangles = writer.surface.triangles.len();
+        let mut truth = LevelTruth {
+            splits: &mut splits,
+            rows: &writer.source,
+            vertex_order: &mut writer.vertex_order,
+            position_of: &writer.position_of,
+        };
+        let (mut coder, mut levels, mut part) = (Encoder::new(), LevelCoder::new(count), Default::default());
+        let (surface, rows) = (&mut writer.surface, &mut writer.rows);
+        while !levels
+            .step(&mut coder, (&mut model, &mut memory), (&mut *surface, &mut *rows), Some(&mut truth), usize::MAX, &mut part)
+            .map_err(misfit)?
+        {}
+        for v in before..writer.rows.count() {
+            coded[writer.vertex_order[v as usize] as usize] = v;
+        }
+        let payload = coder.finish();
+        let (all, own) = (&mut report.spent, levels.spent);
+        all.flags += own.flags;
+        all.ways += own.ways;
+        all.places += own.places;
+        all.attributes += own.attributes;
+        report.removed.0 += count;
+        report.removed.1 += payload.len();
+        let triangles = (writer.surface.triangles.len() - triangles) as u32;
+        writer.level_of(count, triangles, payload, stream.errors.get(i + 1));
+    }
+    report.loose = writer.finish(stream.texture.as_ref(), out)?;
+    Ok(report)
+}
