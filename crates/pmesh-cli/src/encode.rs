@@ -29,7 +29,7 @@ use std::path::{Path, PathBuf};
     after_help = "Examples:\n  pmesh encode statue.obj -o statue.pmesh\n  pmesh encode scan.ply -o scan.pmesh --bits 12 --growth 2\n  pmesh encode part.stl -o part.lod.gz --levels 8\n  pmesh encode bust.glb -o bust.pmesh --bits none   every float bit for bit\n  pmesh encode bust.glb -o bust.pmesh --profile prefix   far fewer bytes, for slow links\n  pmesh encode chair.obj -o chair.slod              a level a vertex (SS97)\n  pmesh convert bust.pmesh -o bust.x3d              any stream to any other"
 )]
 pub struct Args {
-    /// The mesh, or a stream whose levels are kept
+    /// The mesh, or a stream, whose levels are kept where the output can hold them
     input: PathBuf,
     /// Where to write: .pmesh, .pits, .pfs, .slod, .lod, .lod.gz, .wrl, .x3dv or .x3d
     #[arg(short, long)]
@@ -54,7 +54,8 @@ pub struct How {
     /// Factor by which triangles grow from level to level [default: 1.5]
     #[arg(long)]
     growth: Option<f64>,
-    /// Triangles of the coarsest level, about; 0 leaves one vertex a component [default: 60, 1200 for .pits, 600 for .pfs]
+    /// Triangles of the coarsest level, about; 0 leaves one vertex a component, or what a stream has to keep [default: 60; 120 in compact profiles,
+    /// 1200 for .pits, 600 for .pfs]
     #[arg(long)]
     base: Option<usize>,
     /// What a .pmesh is to be best at [default: fast]
@@ -113,7 +114,7 @@ pub enum Stream {
     Lod,
     /// SS97's packets, a level a vertex
     Slod,
-    /// FC01's patches: the smallest
+    /// FC01's patches
     Patch,
     /// Forest splits (Taubin et al.): few levels, each nearly twice the one before
     Split,
@@ -124,10 +125,11 @@ pub enum Stream {
 /// What a `.pmesh` is to be best at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Profile {
-    /// The best mesh after any part of the bytes, and about as few of them as the best single-rate files have: a third to a seventh
-    /// of fast's. Whole sooner on links below some 5 Mbit/s; above, its decoder is what takes longest
+    /// Far fewer bytes: of positions on a grid mostly a third to a seventh of fast's, about what the best single-rate files have, and on
+    /// scans a good mesh after any part of them. Whole sooner on links below some 5 Mbit/s; above, its decoder is what takes longest. What is
+    /// not manifold, and a few vertices of each piece, come with the first level
     Prefix,
-    /// The fewest bytes in all: a percent or two fewer, for coarser levels on the way
+    /// As prefix, each level taking all that it can: on scans a percent or two fewer bytes in all, for coarser levels on the way
     Size,
     /// The fastest decoder
     Fast,
@@ -183,8 +185,11 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
     }
     let mut how = args.how.clone();
     let kind = Stream::of(&args.output, &args.how)?;
+    if Stream::of(&args.output, &How::default()).is_ok_and(|named| named != kind) {
+        eprintln!("warning: {}: the name says another stream than --stream, which is what is written", args.output.display());
+    }
     if how.profile.is_some() && kind != Stream::Pmesh {
-        eprintln!("warning: {}: --profile is for .pmesh; it has no effect here", args.output.display());
+        eprintln!("warning: {}: --profile is for pmesh streams; it has no effect here", args.output.display());
     }
     let bytes = input::read(&args.input)?;
     let model = if input::is_stream(&args.input, &bytes) {
@@ -192,6 +197,13 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
         stream.warn(&args.input);
         // What is exact stays exact, and what is on a grid stays on one as fine, unless something else is asked for.
         how.bits = how.bits.or(stream.receiver.info().map(|i| Bits(i.position_bits)));
+        // And compact stays compact.
+        if how.profile.is_none()
+            && kind == Stream::Pmesh
+            && stream.receiver.info().is_some_and(|i| i.format.starts_with("compact"))
+        {
+            how.profile = Some(Profile::Prefix);
+        }
         // Patches and forests are levels of their own kind.
         let own_kind = kind.finds_its_own_levels() || (kind == Stream::Pmesh && how.compact().is_some());
         let levels = if own_kind || stream.is_plain_scene() { None } else { kept_levels(&stream) };
@@ -376,6 +388,7 @@ impl How {
             (self.growth.is_some(), "--growth"),
             (self.base.is_some(), "--base"),
             (self.simplifier.is_some(), "--simplifier"),
+            (self.profile.is_some(), "--profile"),
         ];
         for (_, name) in given.iter().filter(|g| g.0) {
             eprintln!(
@@ -396,7 +409,11 @@ impl How {
 /// Encodes `model` as the stream that `output` names, as `how` says.
 pub fn encode_model(mut model: Model, input: &Path, output: &Path, how: &How, quiet: bool) -> Result<()> {
     model.texture = image(model.texture, input, how);
-    match Stream::of(output, how)? {
+    let kind = Stream::of(output, how)?;
+    if how.split_levels && !kind.finds_its_own_levels() {
+        eprintln!("warning: {}: --split-levels is for scenes (.wrl, .x3dv, .x3d); it has no effect here", output.display());
+    }
+    match kind {
         Stream::Patch | Stream::Split | Stream::Nodes => write_refinements(model, input, output, how, quiet),
         Stream::Pmesh if how.compact().is_some() => compact::write(model, input, output, how, quiet),
         kind => write_stream(simplified(&model, input, how, kind, quiet)?, output, how, quiet),

@@ -3,7 +3,9 @@
 //! A level takes about a quarter of the vertices, cheapest first, no two of them neighbours. A vertex of a manifold piece goes
 //! onto a neighbour, one of the boundary along the boundary, if that repeats no edge. What it costs is the quadric error of
 //! Garland & Heckbert (1997) × the mean of how far from regular the new triangles are: coarse triangles that are well shaped
-//! predict better what lies between them. A collapse that turns a triangle over waits until little else is left.
+//! predict better what lies between them. A collapse that turns a triangle over waits until little else is left. Where vertices
+//! share a position all of them go together, along their seams, or none does. A mesh that is a grid is halved as one first
+//! ([`super::lattice`]).
 
 use super::lattice;
 use super::quadric::{Point, Quadric, cross, dot, sub};

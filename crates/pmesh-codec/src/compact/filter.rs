@@ -23,7 +23,7 @@ impl<const N: usize> Filter<N> {
     pub(super) fn predict(&self, x: &[f64; N]) -> f64 {
         self.weights.iter().zip(x).map(|(w, x)| w * x).sum()
     }
-    /// Learns that the value at `x` was `error` more than predicted; `trust` is how much more than usual that is worth.
+    /// Learns that the value at `x` was `error` more than predicted; `noise` times as much variance as usual was to be expected.
     pub(super) fn learn(&mut self, x: &[f64; N], error: f64, noise: f64) {
         let p = &mut self.covariance;
         let mut px = [0.0; N];
