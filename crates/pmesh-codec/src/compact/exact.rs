@@ -2,7 +2,8 @@
 //! the fourth corner of a parallelogram. Scans of lattices and machined parts are full of them, and no smooth distribution says so.
 
 use super::mixer::{Mixer, Odds};
-use super::place::{P, Star, add, mul, sub};
+use super::place::{P, Star};
+use super::vector::{add, scale, sub};
 use crate::range::{Chance, Coder};
 
 /// Larger rings have too many candidates.
@@ -65,7 +66,7 @@ impl ExactModel {
         };
         for i in 0..k {
             let (after, second) = (r[(i + 1) % k], r[(i + 2) % k]);
-            r[i + 1..].iter().for_each(|&other| push(mul(add(r[i], other), 0.5)));
+            r[i + 1..].iter().for_each(|&other| push(scale(add(r[i], other), 0.5)));
             push(sub(add(r[i], second), after));
             if let Some(Some(o)) = star.beyond.get(i) {
                 push(sub(add(r[i], after), *o));

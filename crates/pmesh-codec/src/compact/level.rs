@@ -1,10 +1,10 @@
 //! One level: vertex by vertex, whether it splits, how, and where the new vertex stands.
 
 use super::arrival::Fresh;
-use super::float::{V3, cross};
 use super::mixer::Mixer;
 use super::options::{Center, Neighbour, Seam, Side, VALENCE_LIMIT, Way, WayModel, Ways};
 use super::place::{PlaceModel, Star};
+use super::vector::{Vector, add, cross, length, scale, sub};
 use crate::range::{Coder, NumberModel, RangeDecoder, SignedModel};
 use crate::refine::Levels;
 use crate::refine::rows::Rows;
@@ -211,15 +211,15 @@ impl LevelCoder {
         let own = position(rows, v);
         if surface.corner_of[v as usize] != NONE {
             for c in surface.around(surface.corner_of[v as usize]) {
-                let a = super::float::sub(position(rows, surface.vertex(next(c))), own);
-                let b = super::float::sub(position(rows, surface.vertex(previous(c))), own);
-                normal = super::float::add(normal, cross(a, b));
-                sum += super::float::length(a);
+                let a = sub(position(rows, surface.vertex(next(c))), own);
+                let b = sub(position(rows, surface.vertex(previous(c))), own);
+                normal = add(normal, cross(a, b));
+                sum += length(a);
                 count += 1.0;
             }
         }
-        let l = super::float::length(normal);
-        self.normals.push(super::float::scale(normal, if l > 1e-12 { 1.0 / l } else { 0.0 }));
+        let l = length(normal);
+        self.normals.push(scale(normal, if l > 1e-12 { 1.0 / l } else { 0.0 }));
         let mean = if count > 0.0 { sum / count } else { 0.0 };
         self.edges.push(mean);
         let corners = self.counts[v as usize];
@@ -436,7 +436,7 @@ impl LevelCoder {
     }
 }
 
-fn position(rows: &Rows, v: u32) -> V3 {
+fn position(rows: &Rows, v: u32) -> Vector<f32> {
     [0, 1, 2].map(|k| rows.value(v, k) as f32)
 }
 

@@ -4,8 +4,9 @@
 //! matter: lengths, valences, ages and dihedral angles at the two cuts and within the arc, the arc's angle, where its middle
 //! lies. "No split" is one more way. Entries learn by gradient ascent of the likelihood.
 
-use super::float::{V3, add, arccos, cross, dot, exp, larger, length, ln, scale, sub};
+use super::float::{arccos, exp, larger, ln};
 use super::mixer::chance_of_no;
+use super::vector::{Vector, add, cross, dot, length, scale, sub};
 use crate::range::Coder;
 
 /// Vertices with more triangles are never split. A simplifier keeps to 18 for the two ends of a collapse; splits of neighbours that
@@ -72,7 +73,7 @@ pub(super) struct Weighed {
 /// What is known of a neighbour.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Neighbour {
-    pub(super) position: V3,
+    pub(super) position: Vector<f32>,
     pub(super) valence: usize,
     /// 0: its own splits are to come; 1: they are known; 2: new in this level.
     pub(super) state: usize,
@@ -83,7 +84,7 @@ pub(super) struct Neighbour {
 /// A vertex that may split, and its neighbours counter-clockwise.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Center {
-    pub(super) position: V3,
+    pub(super) position: Vector<f32>,
     pub(super) neighbours: Vec<Neighbour>,
     pub(super) closed: bool,
     /// Mean edge length thereabouts.
@@ -114,10 +115,10 @@ pub(super) enum Seam {
 /// Scratch: by neighbour.
 #[derive(Clone, Debug)]
 struct Fan {
-    arms: [V3; TWICE],
+    arms: [Vector<f32>; TWICE],
     sizes: [f32; TWICE],
     /// Of the triangle to the next one.
-    normals: [V3; TWICE],
+    normals: [Vector<f32>; TWICE],
     angles: [f32; TWICE],
     /// As left cut, right cut, inside.
     scores: [[f32; 3]; TWICE],
@@ -250,19 +251,20 @@ impl WayModel {
         let seam = &self.seam[c.seam as usize];
         let per_angle = (ANGLES - 1) as f32 / larger(total_angle, 1e-6);
         let mut best = f32::NEG_INFINITY;
-        let mut push = |kind: usize, (from, to): (usize, usize), score: f32, (angle, middle, chord): (f32, V3, usize)| {
-            let moved = to - from;
-            let side = [Side::Inside, Side::Inside, Side::Head, Side::Tail][kind];
-            let own = [
-                ((kind * SIDES + n) * SIDES + moved) as u16,
-                class(per_angle * angle, ANGLES) as u16,
-                class(10.0 * unit * length(middle) * SHARES[moved], OFFSETS) as u16,
-                chord as u16,
-            ];
-            let score = score + self.own(own) + seam[kind];
-            best = larger(best, score);
-            out.ways.push(Weighed { way: Way { side, from, to }, weight: score, own });
-        };
+        let mut push =
+            |kind: usize, (from, to): (usize, usize), score: f32, (angle, middle, chord): (f32, Vector<f32>, usize)| {
+                let moved = to - from;
+                let side = [Side::Inside, Side::Inside, Side::Head, Side::Tail][kind];
+                let own = [
+                    ((kind * SIDES + n) * SIDES + moved) as u16,
+                    class(per_angle * angle, ANGLES) as u16,
+                    class(10.0 * unit * length(middle) * SHARES[moved], OFFSETS) as u16,
+                    chord as u16,
+                ];
+                let score = score + self.own(own) + seam[kind];
+                best = larger(best, score);
+                out.ways.push(Weighed { way: Way { side, from, to }, weight: score, own });
+            };
         let inside = usize::from(!c.closed);
         for from in c.first..n {
             if !free[from] {

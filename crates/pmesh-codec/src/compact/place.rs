@@ -5,34 +5,15 @@ use super::exact::ExactModel;
 use super::filter::Filter;
 use super::float::{exp, ln, squash};
 use super::mixer::chance_of_no;
+use super::vector::{Vector, add, cross, dot, scale, sub};
 use crate::range::Coder;
 
-pub(super) type P = [f64; 3];
+pub(super) type P = Vector<f64>;
 
-#[inline(always)]
-pub(super) fn add(a: P, b: P) -> P {
-    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
-}
-#[inline(always)]
-pub(super) fn sub(a: P, b: P) -> P {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-#[inline(always)]
-pub(super) fn mul(a: P, s: f64) -> P {
-    [a[0] * s, a[1] * s, a[2] * s]
-}
-#[inline(always)]
-pub(super) fn dot(a: P, b: P) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-#[inline(always)]
-pub(super) fn cross(a: P, b: P) -> P {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
 /// `a` to length 1, or `other` where it has none.
 pub(super) fn unit(a: P, other: P) -> P {
     let l = dot(a, a).sqrt();
-    if l > 1e-9 { mul(a, 1.0 / l) } else { other }
+    if l > 1e-9 { scale(a, 1.0 / l) } else { other }
 }
 fn log(x: f64) -> f64 {
     f64::from(ln(x.clamp(1e-30, 1e30) as f32))
@@ -62,7 +43,7 @@ impl Star {
     /// The mean normal of the ring's triangles about its middle, or nothing.
     pub(super) fn normal(&self) -> P {
         let k = self.ring.len();
-        let middle = mul(self.ring.iter().fold([0.0; 3], |s, &r| add(s, r)), 1.0 / k as f64);
+        let middle = scale(self.ring.iter().fold([0.0; 3], |s, &r| add(s, r)), 1.0 / k as f64);
         let edges = if self.closed { k } else { k - 1 };
         let sum = (0..edges).fold([0.0; 3], |s, i| {
             let j = if i + 1 == k { 0 } else { i + 1 };
@@ -144,7 +125,7 @@ impl PlaceModel {
     ) -> ([i32; 3], [f64; 2], bool) {
         let k = star.ring.len();
         let count = k as f64;
-        let middle = mul(star.ring.iter().fold([0.0; 3], |s, &r| add(s, r)), 1.0 / count);
+        let middle = scale(star.ring.iter().fold([0.0; 3], |s, &r| add(s, r)), 1.0 / count);
         let ring = &mut self.ring;
         ring.clear();
         ring.extend(star.ring.iter().map(|&r| sub(r, middle)));
@@ -158,7 +139,7 @@ impl PlaceModel {
         // Features, relative to the middle.
         let p = ring[star.onto];
         let cut = match (star.closed, star.onto) {
-            (true, i) => mul(add(ring[(i + 1) % k], ring[(i + k - 1) % k]), 0.5),
+            (true, i) => scale(add(ring[(i + 1) % k], ring[(i + k - 1) % k]), 0.5),
             (false, 0) => ring[1],
             (false, i) => ring[i - 1],
         };
@@ -172,27 +153,27 @@ impl PlaceModel {
             }
         }
         if beyond > 0.0 {
-            outer = mul(outer, 1.0 / beyond);
-            parallelograms = mul(parallelograms, 1.0 / beyond);
+            outer = scale(outer, 1.0 / beyond);
+            parallelograms = scale(parallelograms, 1.0 / beyond);
         }
         let (mut weighted, mut weights) = ([0.0; 3], 0.0);
         for i in 0..edges {
             let j = (i + 1) % k;
             let e = sub(ring[j], ring[i]);
             let l = dot(e, e).sqrt();
-            weighted = add(weighted, mul(add(ring[i], ring[j]), 0.5 * l));
+            weighted = add(weighted, scale(add(ring[i], ring[j]), 0.5 * l));
             weights += l;
         }
         if weights > 0.0 {
-            weighted = mul(weighted, 1.0 / weights);
+            weighted = scale(weighted, 1.0 / weights);
         }
         let mut uneven = [0.0; 3];
         let mut curvature = 0.0;
         for (i, &r) in ring.iter().enumerate() {
-            uneven = add(uneven, mul(r, (star.valences[i] - 6.0) / count));
+            uneven = add(uneven, scale(r, (star.valences[i] - 6.0) / count));
             curvature += dot(star.normals[i], r) / count;
         }
-        let features = [p, cut, outer, weighted, parallelograms, uneven].map(|f| mul(f, 1.0 / radius));
+        let features = [p, cut, outer, weighted, parallelograms, uneven].map(|f| scale(f, 1.0 / radius));
         let along = |axis: P| features.map(|f| dot(f, axis));
         let (n6, x1, x2) = (along(normal), along(t1), along(t2));
         let xn: [f64; NORMAL] = std::array::from_fn(|i| if i < 6 { n6[i] } else { curvature / radius });
@@ -231,7 +212,7 @@ impl PlaceModel {
             [self.normal_width.of(&xs), self.plane_width.of(&xs1), self.plane_width.of(&xs2)].map(|b| b.min(8.0 * radius));
         let mut at = middle;
         for (axis, g) in [(normal, guess[0]), (t1, guess[1]), (t2, guess[2])] {
-            at = add(at, mul(axis, g * radius));
+            at = add(at, scale(axis, g * radius));
         }
         // Covariance of what is off, in the axes of the grid.
         let variance = widths.map(|b| 2.0 * b * b + LEAST_VARIANCE);
@@ -319,7 +300,7 @@ fn axes(ring: &[P], normal: P) -> (P, P, [f64; 2]) {
     let (c, s) = if half > 0.0 { (half + root, uw) } else { (uw, root - half) };
     let l = (c * c + s * s).sqrt();
     let (c, s) = if l > 1e-9 { (c / l, s / l) } else { (1.0, 0.0) };
-    let t1 = add(mul(u, c), mul(w, s));
+    let t1 = add(scale(u, c), scale(w, s));
     let n = ring.len() as f64;
     (t1, cross(normal, t1), [(large / n).sqrt(), (small / n).sqrt()])
 }
