@@ -110,8 +110,9 @@ impl Sniffer {
         if starts(signature) {
             // The version follows.
             return Ok(seen.get(signature.len()).map(|&version| match version {
-                crate::compact::VERSION => Box::new(crate::compact::decoder()) as Box<_>,
-                _ => Box::new(PmeshDecoder::new()) as Box<_>,
+                crate::pmesh::VERSION => Box::new(PmeshDecoder::new()) as Box<_>,
+                // The newest, which refuses what is newer still.
+                _ => Box::new(crate::compact::decoder()) as Box<_>,
             }));
         }
         if starts(&patch::SIGNATURE) {

@@ -15,7 +15,7 @@ const seconds = (work) => {
   const out = work();
   return [out, ((performance.now() - start) / 1000).toFixed(4)];
 };
-const say = (...words) => console.log(words.join('\t'));
+const say = (...words) => process.stdout.write(`${words.join('\t')}\n`);
 
 function read(file) {
   const bytes = fs.readFileSync(file);

@@ -31,10 +31,10 @@ impl Default for BatchOptions {
 /// What pulls apart: good levels, and few bytes in all.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Profile {
-    /// The best mesh after any part of the bytes: a level leaves its dearest vertices to later ones.
+    /// A good mesh after any part of the bytes: a level leaves its dearest vertices to later ones.
     #[default]
     Prefix,
-    /// The fewest bytes: each level takes all that it can.
+    /// Few bytes: each level takes all that it can.
     Size,
 }
 

@@ -55,11 +55,11 @@ pub(super) fn write(model: Model, input: &Path, path: &Path, how: &How, quiet: b
         each(spent.ways),
         each(spent.places),
     );
-    if report.base.0 as usize > 2 * options.base_vertices {
-        line += "; what is not manifold stays in the base, and a few vertices a piece";
-    }
     if spent.attributes > 0.0 {
         line += &format!(", {:.2} for attributes", each(spent.attributes));
+    }
+    if report.base.0 as usize > 2 * options.base_vertices {
+        line += "; what is not manifold stays in the base, and a few vertices a piece";
     }
     say(&line)
 }

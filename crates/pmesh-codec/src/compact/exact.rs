@@ -87,15 +87,9 @@ impl ExactModel {
         }
         let most = votes.iter().copied().max()?;
         let far = |c: &P| (0..3).map(|a| (c[a] - predicted[a]).abs() / reach[a]).sum::<f64>();
-        let mut best: Option<(usize, P, f64)> = None;
-        for (c, _) in list.iter().zip(votes).filter(|v| *v.1 == most) {
-            let far = far(c);
-            if best.is_none_or(|b| far < b.2) {
-                best = Some((usize::from(most), *c, far));
-            }
-        }
-        let (votes, place, _) = best?;
-        Some(Guess { place: place.map(|x| (x + 0.5).floor() as i64), votes, candidates: list.len() })
+        let chosen = list.iter().zip(votes).filter(|v| *v.1 == most).map(|v| v.0);
+        let place = chosen.min_by(|a, b| far(a).total_cmp(&far(b)))?;
+        Some(Guess { place: place.map(|x| (x + 0.5).floor() as i64), votes: usize::from(most), candidates: list.len() })
     }
 
     /// Codes whether the vertex is within a step of the guess, and if so where; `None` if not.

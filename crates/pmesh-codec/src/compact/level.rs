@@ -80,7 +80,8 @@ pub(super) struct LevelCoder {
     end: usize,
     at: usize,
     looked: usize,
-    /// By vertex: corners of triangles there; mean edge length; normal; all as the level found them.
+    /// By vertex: corners of triangles there, kept up to date; mean edge length and normal as the level found them, of a new vertex
+    /// those of what it split from and of its ring.
     pub(super) counts: Vec<u32>,
     pub(super) edges: Vec<f32>,
     pub(super) normals: Vec<[f32; 3]>,
@@ -100,7 +101,8 @@ pub(super) struct LevelCoder {
     pub(super) fresh: HashMap<u32, Vec<Fresh>>,
 }
 
-/// What outlives levels besides the model: of each vertex its level, and how far off its prediction was.
+/// What outlives levels besides the model: of each vertex its level, how far off its prediction was, whether a guess hit, and the first
+/// vertex at its position.
 #[derive(Default)]
 pub(super) struct Memory {
     pub(super) births: Vec<u8>,
