@@ -117,9 +117,7 @@ fn prefixes(name: &str, mesh: &IndexedMesh, reference: f64) -> Outcome<()> {
         let at = (reference * part) as usize;
         let mut receiver = Receiver::default();
         receiver.push(&bytes[..at.min(bytes.len())])?;
-        let mesh = receiver.mesh();
-        let newest = mesh.level_count().saturating_sub(mesh.arrived_levels());
-        let shown = if mesh.arrived_levels() == 0 { IndexedMesh::default() } else { mesh.mesh_at(f64::from(newest))? };
+        let shown = receiver.newest_mesh();
         let d = deviation(&whole, &shown, SAMPLES_A_SIDE);
         println!("{name}\t{part}\t{at}\t{}\t{:.3}\t{:.2}", shown.triangles.len(), d.rms * 1e4, d.max * 1e4);
     }

@@ -118,9 +118,7 @@ fn the_profiles_keep_their_promises() {
         let bytes = encoded(&stream, Some(12));
         let mut receiver = Receiver::default();
         receiver.push(&bytes[..3000]).expect("it decodes");
-        let newest = receiver.mesh().level_count() - receiver.mesh().arrived_levels();
-        let shown = receiver.mesh().mesh_at(f64::from(newest)).expect("a level");
-        (bytes.len(), deviation(&quantise(&mesh, Some(12)), &shown, 20_000).rms)
+        (bytes.len(), deviation(&quantise(&mesh, Some(12)), &receiver.newest_mesh(), 20_000).rms)
     });
     assert!(size.0 < prefix.0, "{size:?} {prefix:?}");
     assert!(prefix.1 < size.1, "{size:?} {prefix:?}");
@@ -137,6 +135,47 @@ fn any_cut_of_the_bytes_gives_the_same_levels() {
             assert_eq!(cut.triangles_at(level), whole.triangles_at(level));
         }
         assert_eq!(difference(&cut.finest_mesh(), &whole.finest_mesh()), None);
+    }
+}
+
+#[test]
+fn any_prefix_of_the_bytes_shows_all_its_splits() {
+    let mesh = sample("part").expect("it is built in").mesh;
+    let bytes = encoded(&taken_apart(&mesh, Some(12), BatchOptions::default()), Some(12));
+    let mut streaming = Receiver::default();
+    let (mut inside, mut most) = (0, 0);
+    for (i, byte) in bytes.iter().enumerate() {
+        streaming.push(&[*byte]).expect("it decodes");
+        let shown = streaming.newest_mesh();
+        assert!(shown.vertices.len() >= most, "fewer vertices after {} bytes", i + 1);
+        inside += usize::from(shown.vertices.len() > most && streaming.shows_part());
+        most = shown.vertices.len();
+        if i % 97 == 0 {
+            let mut at_once = Receiver::default();
+            at_once.push(&bytes[..=i]).expect("it decodes");
+            assert_eq!(difference(&at_once.newest_mesh(), &shown), None);
+            // Every edge has a triangle on either side, or one: nothing is torn.
+            let mut edges: Vec<[u32; 2]> = shown.triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
+            edges.sort_unstable();
+            assert!(edges.windows(2).all(|e| e[0] != e[1]), "an edge is used twice after {} bytes", i + 1);
+        }
+    }
+    assert!(inside > bytes.len() / 10, "{inside} of {} bytes brought vertices", bytes.len());
+    assert!(!streaming.shows_part() && difference(&streaming.newest_mesh(), &quantise(&mesh, Some(12))).is_none());
+}
+
+#[test]
+fn a_damaged_level_is_not_shown_once_that_is_known() {
+    let mesh = sample("part").expect("it is built in").mesh;
+    let bytes = encoded(&taken_apart(&mesh, Some(12), BatchOptions::default()), Some(12));
+    for at in (0..bytes.len()).step_by(53) {
+        let mut damaged = bytes.clone();
+        damaged[at] ^= 0x10;
+        let mut receiver = Receiver::default();
+        let pushed = damaged.chunks(17).try_for_each(|piece| receiver.push(piece));
+        assert!(pushed.and_then(|()| receiver.finish()).is_err(), "byte {at} changed, and nobody noticed");
+        assert_eq!(difference(&receiver.newest_mesh(), &receiver.mesh().finest_mesh()), None);
+        receiver.mesh().check_invariants();
     }
 }
 

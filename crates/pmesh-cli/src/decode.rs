@@ -3,6 +3,7 @@
 use crate::error::{CliError, Result};
 use crate::{input, output};
 use pmesh_build::picture;
+use pmesh_codec::Receiver;
 use std::path::PathBuf;
 
 /// Decode a stream to a mesh: its finest level, any other, or what the first bytes give
@@ -16,7 +17,8 @@ pub struct Args {
     /// Where to write: .ply or .obj
     #[arg(short, long)]
     output: PathBuf,
-    /// Level of detail, 0 the finest; fractions morph. The finest that is there by default, exactly as encoded
+    /// Level of detail, 0 the finest; fractions morph. By default all that is there, exactly as encoded: of a compact stream also
+    /// the part that has arrived of the next level
     #[arg(long, allow_negative_numbers = true)]
     level: Option<f64>,
     /// Use only this many bytes of the file
@@ -48,7 +50,7 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
         return Err(CliError::Other(format!("{}: no level is complete within {end} bytes{hint}", args.input.display())));
     }
     let out = match args.level {
-        None => mesh.finest_mesh(),
+        None => stream.receiver.newest_mesh(),
         Some(x) => mesh.mesh_at(x)?,
     };
     output::write(&args.output, &out)?;
@@ -64,12 +66,24 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
     }
     if !quiet {
         let level = args.level.unwrap_or(mesh.finest_level().into());
+        let part = if args.level.is_none() { part_of_next(&stream.receiver) } else { String::new() };
         output::say(&format!(
-            "{}: level {level}, {} vertices, {} triangles",
+            "{}: level {level}{part}, {} vertices, {} triangles",
             args.output.display(),
             out.vertices.len(),
             out.triangles.len()
         ))?;
     }
     Ok(())
+}
+
+/// Says how much of the level that is still arriving is in the mesh.
+fn part_of_next(receiver: &Receiver) -> String {
+    let mesh = receiver.mesh();
+    let Some(next) = mesh.finest_level().checked_sub(1).filter(|_| receiver.shows_part()) else { return String::new() };
+    let table = receiver.info().and_then(|i| i.levels.as_deref()).unwrap_or_default();
+    let total = |step: u32| table.get(step as usize).map_or(0, |l| l.vertex_count);
+    let (before, after) = (total(mesh.arrived_levels() - 1), total(mesh.arrived_levels()));
+    let here = (mesh.vertices().len() as u32).saturating_sub(before);
+    format!(" and {:.0} % of level {next}", 100.0 * f64::from(here) / f64::from(after.saturating_sub(before).max(1)))
 }

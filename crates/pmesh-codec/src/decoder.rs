@@ -37,6 +37,8 @@ pub struct StreamInfo {
     pub texture_end_byte: Option<u64>,
     /// Bits a coordinate, `None` if positions are exact floats.
     pub position_bits: Option<u8>,
+    /// A level can be shown as far as it has arrived: every part ends with a whole surface.
+    pub shows_parts: bool,
 }
 
 /// A base-colour image, still in its own coding.

@@ -131,6 +131,14 @@ pub(crate) trait Coder {
     /// One choice, 0 with a chance of `zero` / 65536. A decoder ignores `bit`; both give what it is.
     fn choose(&mut self, zero: u32, bit: bool) -> bool;
 
+    /// Whole bytes so far: what a decoder has read, at the same place for an encoder.
+    fn byte_position(&self) -> usize;
+
+    /// True if `count` bytes more can be read, or none is to come.
+    fn has(&self, _count: usize) -> bool {
+        true
+    }
+
     /// Bits so far, fractions counted; a decoder does not know.
     fn position(&self) -> f64 {
         0.0
@@ -259,6 +267,11 @@ impl Encoder {
 impl Coder for Encoder {
     const ENCODES: bool = true;
 
+    fn byte_position(&self) -> usize {
+        // The byte before the first is counted, not what is read ahead.
+        self.bytes.len() + self.pending as usize - 1 + LOOK_AHEAD
+    }
+
     fn position(&self) -> f64 {
         // The range's logarithm between powers of two as a straight line: the same on every machine.
         let whole = self.range.ilog2();
@@ -281,19 +294,38 @@ impl Coder for Encoder {
     }
 }
 
-/// Reads choices from bytes; past the end there are zeros.
+/// Bytes that a decoder reads before the first choice.
+pub(crate) const LOOK_AHEAD: usize = 4;
+
+/// Reads choices from bytes; past the end there are zeros. The bytes may arrive while it reads.
 pub(crate) struct RangeDecoder {
     bytes: Vec<u8>,
     at: usize,
     range: u32,
     code: u32,
+    /// No byte is to come.
+    whole: bool,
 }
 
 impl RangeDecoder {
+    /// All bytes are there.
     pub(crate) fn new(bytes: Vec<u8>) -> Self {
-        let mut decoder = Self { bytes, at: 0, range: u32::MAX, code: 0 };
-        (0..4).for_each(|_| decoder.next());
+        let mut decoder = Self { bytes, at: 0, range: u32::MAX, code: 0, whole: true };
+        (0..LOOK_AHEAD).for_each(|_| decoder.next());
         decoder
+    }
+    /// More bytes are to come; [`LOOK_AHEAD`] must be there.
+    pub(crate) fn with_first(bytes: Vec<u8>) -> Self {
+        Self { whole: false, ..Self::new(bytes) }
+    }
+    /// Takes the next bytes; `whole` says that they are the last.
+    pub(crate) fn feed(&mut self, bytes: &[u8], whole: bool) {
+        self.bytes.extend_from_slice(bytes);
+        self.whole = whole;
+    }
+    /// True once no byte is to come.
+    pub(crate) fn is_whole(&self) -> bool {
+        self.whole
     }
     #[inline(always)]
     fn next(&mut self) {
@@ -308,6 +340,13 @@ impl RangeDecoder {
 
 impl Coder for RangeDecoder {
     const ENCODES: bool = false;
+
+    fn byte_position(&self) -> usize {
+        self.at
+    }
+    fn has(&self, count: usize) -> bool {
+        self.whole || self.bytes.len() - self.at.min(self.bytes.len()) >= count
+    }
 
     #[inline(always)]
     fn choose(&mut self, zero: u32, _: bool) -> bool {

@@ -2,7 +2,7 @@
 
 use crate::wavelet::{self, Picture, PictureDecoder};
 use crate::{DecodeError, Decoder, Event, Place, StreamInfo, Texture};
-use pmesh_core::{Change, ProgressiveMultilevelMesh};
+use pmesh_core::{Change, IndexedMesh, ProgressiveMultilevelMesh};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -58,6 +58,16 @@ impl Receiver {
     /// The mesh so far.
     pub fn mesh(&self) -> &ProgressiveMultilevelMesh {
         &self.mesh
+    }
+    /// The mesh with all that can be shown of what has arrived: the finest whole level, and where the format allows it the part that is
+    /// here of the next. Before the base is whole, nothing. O(n).
+    pub fn newest_mesh(&self) -> IndexedMesh {
+        if self.shows_part() { self.mesh.newest_mesh() } else { self.mesh.finest_mesh() }
+    }
+    /// True if [`Self::newest_mesh`] is finer than the finest whole level.
+    pub fn shows_part(&self) -> bool {
+        let allowed = self.info.as_ref().is_some_and(|i| i.shows_parts);
+        allowed && self.error.is_none() && self.mesh.arrived_levels() > 0 && self.mesh.has_open_level()
     }
     /// The mesh, to set its level.
     pub fn mesh_mut(&mut self) -> &mut ProgressiveMultilevelMesh {

@@ -87,7 +87,7 @@ impl ProgressiveMultilevelMesh {
         self.versions.as_ref().map_or(vertex, |v| v.current(vertex))
     }
     /// First entry of the level that is arriving.
-    fn level_start(&self) -> u32 {
+    pub(crate) fn level_start(&self) -> u32 {
         self.ends.last().map_or(0, |e| e.vertices)
     }
 

@@ -29,6 +29,20 @@ impl ProgressiveMultilevelMesh {
         self.without_superseded(self.vertices.select(0..end.vertices), triangles)
     }
 
+    /// As [`Self::finest_mesh`], with what has arrived of the next level: the mesh as if that ended here. Whether this is a whole
+    /// surface depends on how parts are cut. Not for levels that move or replace what was there: then the finest whole level.
+    pub fn newest_mesh(&self) -> IndexedMesh {
+        if self.has_moves() || self.has_retired() || self.has_pending_vertices() {
+            return self.finest_mesh();
+        }
+        let position_of = self.seams.clone();
+        IndexedMesh { vertices: self.vertices.clone(), triangles: self.triangles.clone(), position_of }
+    }
+    /// True if a part of the next level has arrived.
+    pub fn has_open_level(&self) -> bool {
+        self.vertices.len() as u32 > self.level_start()
+    }
+
     /// Numbers the vertices as the outside does, each version of one vertex by the newest that is here.
     fn without_superseded(&self, vertices: Vertices, triangles: Vec<[u32; 3]>) -> IndexedMesh {
         let count = vertices.len() as u32;

@@ -3,6 +3,7 @@
 use super::level::{LevelCoder, LevelModel, LevelTruth, Memory, Spent, Split};
 use super::options::Side;
 use crate::pmesh::header::Container;
+use crate::pmesh::varint::put;
 use crate::range::Encoder;
 use crate::refine::encode::{Writer, misfit};
 use crate::{EncodeError, Texture};
@@ -78,7 +79,7 @@ pub fn encode(stream: &CompactStream, position_bits: Option<u8>, out: &mut impl 
             vertex_order: &mut writer.vertex_order,
             position_of: &writer.position_of,
         };
-        let (mut coder, mut levels, mut part) = (Encoder::new(), LevelCoder::new(count), Default::default());
+        let (mut coder, mut levels, mut part) = (Encoder::new(), LevelCoder::new(count, 0), Default::default());
         let (surface, rows) = (&mut writer.surface, &mut writer.rows);
         while !levels
             .step(&mut coder, (&mut model, &mut memory), (&mut *surface, &mut *rows), Some(&mut truth), usize::MAX, &mut part)
@@ -87,7 +88,9 @@ pub fn encode(stream: &CompactStream, position_bits: Option<u8>, out: &mut impl 
         for v in before..writer.rows.count() {
             coded[writer.vertex_order[v as usize] as usize] = v;
         }
-        let payload = coder.finish();
+        let mut payload = Vec::new();
+        put(&mut payload, levels.reach as u32);
+        payload.extend(coder.finish());
         let (all, own) = (&mut report.spent, levels.spent);
         all.flags += own.flags;
         all.ways += own.ways;

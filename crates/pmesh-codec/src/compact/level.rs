@@ -5,6 +5,7 @@ use super::mixer::Mixer;
 use super::options::{Center, Neighbour, Seam, Side, VALENCE_LIMIT, Way, WayModel, Ways};
 use super::place::{PlaceModel, Star};
 use super::vector::{Vector, add, cross, length, scale, sub};
+use crate::pmesh::varint::Reader;
 use crate::range::{Coder, NumberModel, RangeDecoder, SignedModel};
 use crate::refine::Levels;
 use crate::refine::rows::Rows;
@@ -75,6 +76,8 @@ pub struct Spent {
 
 /// The coder of either direction, in steps.
 pub(super) struct LevelCoder {
+    /// Most bytes that a vertex takes: announced to a decoder, found by an encoder.
+    pub(super) reach: usize,
     /// Vertices before the level, and after.
     start: usize,
     end: usize,
@@ -126,8 +129,9 @@ impl Memory {
 }
 
 impl LevelCoder {
-    pub(super) fn new(new_vertices: u32) -> Self {
+    pub(super) fn new(new_vertices: u32, reach: usize) -> Self {
         Self {
+            reach,
             start: usize::MAX,
             end: new_vertices as usize,
             at: 0,
@@ -149,9 +153,9 @@ impl LevelCoder {
     }
 
     /// Goes on by about `limit` vertices; true once the level is whole.
-    pub(super) fn step(
+    pub(super) fn step<C: Coder>(
         &mut self,
-        coder: &mut impl Coder,
+        coder: &mut C,
         (model, memory): (&mut LevelModel, &mut Memory),
         (surface, rows): (&mut Surface, &mut Rows),
         mut truth: Option<&mut LevelTruth>,
@@ -194,8 +198,15 @@ impl LevelCoder {
             return Ok(false);
         }
         let stop = self.at.saturating_add(limit).min(self.start);
-        while self.at < stop {
+        while self.at < stop && coder.has(self.reach) {
+            let before = coder.byte_position();
             self.vertex(coder, (model, memory), (surface, rows), truth.as_deref_mut(), part)?;
+            let read = coder.byte_position() - before;
+            if C::ENCODES {
+                self.reach = self.reach.max(read);
+            } else if read > self.reach {
+                return Err("a vertex takes more bytes than the level announces");
+            }
             self.at += 1;
         }
         if self.at < self.start {
@@ -352,16 +363,7 @@ impl LevelCoder {
         let at = |i: usize| if i < fan.len() { surface.vertex(next(fan[i])) } else { surface.vertex(previous(fan[i - 1])) };
         let mut best: Option<(usize, bool, usize)> = None;
         for (k, s) in splits.iter().enumerate() {
-            let from = (0..n).find(|&i| at(i) == s.chain[0]).ok_or_else(|| {
-                eprintln!(
-                    "at {} closed {} nb {:?} splits {:?}",
-                    self.at,
-                    self.center.closed,
-                    (0..n).map(at).collect::<Vec<_>>(),
-                    splits
-                );
-                "a split elsewhere"
-            })?;
+            let from = (0..n).find(|&i| at(i) == s.chain[0]).ok_or("a split elsewhere")?;
             let key = (from, s.side != Side::Head, k);
             if best.is_none_or(|b| key < b) {
                 best = Some(key);
@@ -450,10 +452,17 @@ pub(super) struct CompactLevels {
 }
 
 impl Levels for CompactLevels {
-    fn begin(&mut self, _: &mut Vec<u8>, new_vertices: u32, width: usize) -> bool {
+    fn begin(&mut self, bytes: &mut Vec<u8>, new_vertices: u32, width: usize) -> bool {
+        let mut reader = Reader { rest: bytes };
+        let Ok(reach) = reader.varint() else { return false };
+        let taken = bytes.len() - reader.rest.len();
+        bytes.drain(..taken);
         self.model.get_or_insert_with(|| (LevelModel::new(width), Memory::default()));
-        self.level = Some(Box::new(LevelCoder::new(new_vertices)));
+        self.level = Some(Box::new(LevelCoder::new(new_vertices, reach as usize)));
         true
+    }
+    fn reach(&self) -> usize {
+        self.level.as_ref().map_or(usize::MAX, |l| l.reach)
     }
     fn step(
         &mut self,

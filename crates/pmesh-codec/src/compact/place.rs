@@ -344,6 +344,10 @@ struct Counter {
 impl Coder for Counter {
     const ENCODES: bool = true;
 
+    fn byte_position(&self) -> usize {
+        (self.bits / 8.0) as usize
+    }
+
     fn choose(&mut self, zero: u32, bit: bool) -> bool {
         let part = if bit { 65536 - zero } else { zero };
         self.bits += 16.0 - log(f64::from(part)) * std::f64::consts::LOG2_E;

@@ -71,9 +71,19 @@ impl Container {
     fn version(self) -> u8 {
         if self == Container::Compact { crate::compact::VERSION } else { VERSION }
     }
+    /// True if what a part of a level brings can be shown before the rest is there.
+    pub(crate) fn shows_parts(self) -> bool {
+        self == Container::Compact
+    }
     /// What the table says of a block's bytes.
     pub(crate) fn checksum(self, block: &[u8]) -> u32 {
-        let whole = crc32fast::hash(block);
+        let mut hasher = crc32fast::Hasher::new();
+        hasher.update(block);
+        self.checksum_of(hasher)
+    }
+    /// The same of bytes that went through `hasher`.
+    pub(crate) fn checksum_of(self, hasher: crc32fast::Hasher) -> u32 {
+        let whole = hasher.finalize();
         if self.version() == 1 { whole & 0xffff } else { whole }
     }
     fn extension(self) -> &'static str {
@@ -315,6 +325,7 @@ impl Header {
             total_bytes: Some(entry.end_byte),
             texture_end_byte,
             position_bits: self.grids.position_bits,
+            shows_parts: self.container.shows_parts(),
         }
     }
 }

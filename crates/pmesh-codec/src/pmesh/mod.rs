@@ -9,7 +9,7 @@ mod encode;
 pub mod header;
 mod records;
 pub(crate) mod texture;
-mod varint;
+pub(crate) mod varint;
 
 pub use channels::{Quantisation, quantise};
 pub use decode::PmeshDecoder;

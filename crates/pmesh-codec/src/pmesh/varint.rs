@@ -1,7 +1,7 @@
 //! Variable-length integers: seven bits a byte, low ones first; signed ones zigzagged. A reader over a slice.
 
 /// Appends `value`.
-pub(super) fn put(out: &mut Vec<u8>, mut value: u32) {
+pub(crate) fn put(out: &mut Vec<u8>, mut value: u32) {
     while value >= 0x80 {
         out.push(value as u8 | 0x80);
         value >>= 7;
@@ -20,7 +20,7 @@ fn unzigzag(value: u32) -> i32 {
 
 /// Why a read did not succeed.
 #[derive(Debug, PartialEq)]
-pub(super) enum ReadError {
+pub(crate) enum ReadError {
     /// The slice ends: more bytes may complete it.
     End,
     /// No more bytes can make it valid.
@@ -28,8 +28,8 @@ pub(super) enum ReadError {
 }
 
 /// Reads from the front of a slice.
-pub(super) struct Reader<'a> {
-    pub(super) rest: &'a [u8],
+pub(crate) struct Reader<'a> {
+    pub(crate) rest: &'a [u8],
 }
 
 impl<'a> Reader<'a> {
@@ -45,7 +45,7 @@ impl<'a> Reader<'a> {
     pub(super) fn u8(&mut self) -> Result<u8, ReadError> {
         Ok(self.array::<1>()?[0])
     }
-    pub(super) fn varint(&mut self) -> Result<u32, ReadError> {
+    pub(crate) fn varint(&mut self) -> Result<u32, ReadError> {
         let mut value = 0u32;
         for shift in (0..32).step_by(7) {
             let byte = self.u8()?;

@@ -1,4 +1,5 @@
-//! Blocks to levels. A block is decoded once it is whole, in steps that [`Decoder::work`] takes.
+//! Blocks to levels, in steps that [`Decoder::work`] takes. A block is decoded once it is whole; a level of a compact stream as far
+//! as its bytes are there, and its checksum is looked at once they all are.
 
 use super::base::BaseCoder;
 use super::rows::Rows;
@@ -7,13 +8,16 @@ use super::{Levels, item_limit};
 use crate::pmesh::channels::Channels;
 use crate::pmesh::header::{BlockKind, Container, Header, PREAMBLE_BYTES};
 use crate::pmesh::texture::texture_of;
-use crate::range::{OVERRUN, RangeDecoder};
+use crate::range::{Coder, LOOK_AHEAD, OVERRUN, RangeDecoder};
 use crate::{DecodeError, Decoder, Event, Place};
+use crc32fast::Hasher;
 use pmesh_core::Level;
 use std::collections::VecDeque;
 
 /// Triangles or vertices a step: a fraction of a millisecond.
 const STEP: usize = 512;
+/// Bytes with which a level may begin: what says how it can be cut, and what is read ahead.
+const FIRST_BYTES: usize = 5 + LOOK_AHEAD;
 
 /// A block that is being decoded.
 enum Job {
@@ -33,6 +37,12 @@ pub struct RefinementDecoder {
     pending: VecDeque<u8>,
     block: usize,
     job: Option<Job>,
+    /// Of the bytes of the block so far.
+    checksum: Hasher,
+    /// Bytes of the block that are to come.
+    missing: usize,
+    /// The level is decoded, whether or not its last bytes have arrived.
+    all_there: bool,
     channels: Channels,
     surface: Surface,
     rows: Rows,
@@ -56,6 +66,9 @@ impl RefinementDecoder {
             pending: VecDeque::new(),
             block: 0,
             job: None,
+            checksum: Hasher::new(),
+            missing: 0,
+            all_there: false,
             channels: Channels::default(),
             surface: Surface::default(),
             rows: Rows::default(),
@@ -96,7 +109,7 @@ impl RefinementDecoder {
         Ok(taken)
     }
 
-    /// Begins the next block if all its bytes are here; true if it did.
+    /// Begins the next block if enough of its bytes are here; true if it did.
     fn begin(&mut self) -> Result<bool, DecodeError> {
         let Some(header) = &self.header else { return Ok(false) };
         let Some(&block) = header.blocks.get(self.block) else {
@@ -107,14 +120,20 @@ impl RefinementDecoder {
                 Err(DecodeError::syntax(place, "bytes after the last level"))
             };
         };
-        if self.pending.len() < block.byte_count as usize {
+        let size = block.byte_count as usize;
+        let refines = block.kind == BlockKind::Level && self.levels > 0 && block.new_triangles > 0;
+        let enough = if refines && self.container.shows_parts() { size.min(FIRST_BYTES) } else { size };
+        if self.pending.len() < enough {
             return Ok(false);
         }
-        let mut bytes: Vec<u8> = self.pending.drain(..block.byte_count as usize).collect();
-        self.offset += bytes.len() as u64;
+        let mut bytes: Vec<u8> = self.pending.drain(..size.min(self.pending.len())).collect();
+        self.missing = size - bytes.len();
+        self.offset += size as u64;
         let place = Place::Byte(self.offset);
-        if self.container.checksum(&bytes) != block.checksum {
-            return Err(DecodeError::Checksum { place, what: format!("block {}", self.block) });
+        self.checksum = Hasher::new();
+        self.checksum.update(&bytes);
+        if self.missing == 0 {
+            self.check()?;
         }
         if block.kind != BlockKind::Level {
             self.events.push_back(Event::Texture(texture_of(block.kind, bytes, place)?));
@@ -139,9 +158,39 @@ impl RefinementDecoder {
             if !counts.contains(&new) || !self.levels_of.begin(&mut bytes, block.new_vertices, self.rows.width) {
                 return Err(DecodeError::syntax(place, format!("block {} is no level that refines the one before", self.block)));
             }
-            Job::Level(RangeDecoder::new(bytes))
+            self.all_there = false;
+            Job::Level(if self.missing == 0 { RangeDecoder::new(bytes) } else { RangeDecoder::with_first(bytes) })
         });
         Ok(true)
+    }
+
+    /// The checksum of the block whose bytes have all arrived.
+    fn check(&self) -> Result<(), DecodeError> {
+        let expected = self.header.as_ref().and_then(|h| h.blocks.get(self.block)).map(|b| b.checksum);
+        if expected == Some(self.container.checksum_of(self.checksum.clone())) {
+            return Ok(());
+        }
+        Err(DecodeError::Checksum { place: Place::Byte(self.offset), what: format!("block {}", self.block) })
+    }
+
+    /// Gives the level that is being decoded the bytes that have arrived since; true if it can go on.
+    fn feed(&mut self) -> Result<bool, DecodeError> {
+        let Some(Job::Level(coder)) = &mut self.job else { return Ok(true) };
+        if coder.is_whole() {
+            return Ok(true);
+        }
+        let count = self.missing.min(self.pending.len());
+        if count > 0 {
+            let bytes: Vec<u8> = self.pending.drain(..count).collect();
+            self.missing -= count;
+            self.checksum.update(&bytes);
+            coder.feed(&bytes, self.missing == 0);
+            if self.missing == 0 {
+                self.check()?;
+                return Ok(true);
+            }
+        }
+        Ok(!self.all_there && coder.has(self.levels_of.reach()))
     }
 
     /// A step of the block that is being decoded.
@@ -183,7 +232,8 @@ impl RefinementDecoder {
         part.position_of.extend_from_slice(&self.rows.seams[self.emitted_seams..]);
         self.emitted_seams = self.rows.seams.len();
         self.events.push_back(Event::Part(part));
-        if done {
+        self.all_there = done;
+        if done && self.missing == 0 {
             self.events.push_back(Event::LevelEnd);
             self.levels += 1;
             self.block += 1;
@@ -218,6 +268,13 @@ impl Decoder for RefinementDecoder {
         }
         let result = match self.job {
             Some(_) => {
+                match self.feed() {
+                    Ok(true) => {}
+                    other => {
+                        self.failed = other.is_err();
+                        return other;
+                    }
+                }
                 let step = self.step().map(|()| true);
                 step.map_err(|what| DecodeError::syntax(Place::Byte(self.offset), format!("level block {}: {what}", self.block)))
             }
@@ -227,7 +284,7 @@ impl Decoder for RefinementDecoder {
         result
     }
     fn finish(&mut self) -> Result<(), DecodeError> {
-        let place = Place::Byte(self.offset + self.pending.len() as u64);
+        let place = Place::Byte(self.offset - self.missing as u64 + self.pending.len() as u64);
         match &self.header {
             Some(h) if self.block == h.blocks.len() => Ok(()),
             Some(_) => Err(DecodeError::Truncated { place, inside: "a level", levels: self.levels }),
@@ -323,13 +380,24 @@ mod tests {
     proptest! {
         /// Any bytes for a level on a good base: an error, or a level that the mesh holds.
         #[test]
-        fn no_level_makes_it_panic(noise in prop::collection::vec(any::<u8>(), 0..60), zeros in 0usize..40, count in 0u32..12) {
-            let level = [&vec![0; zeros][..], &noise].concat();
+        fn no_level_makes_it_panic(
+            reach in 0u8..40,
+            noise in prop::collection::vec(any::<u8>(), 0..60),
+            zeros in 0usize..40,
+            count in 0u32..12,
+            piece in 1usize..30,
+        ) {
+            let level = [&[reach][..], &vec![0; zeros], &noise].concat();
             for file in files() {
-                let mut receiver = Receiver::default();
-                let _ = receiver.push(&forged(&file, &level, count)).and_then(|()| receiver.finish());
-                receiver.mesh().check_invariants();
-                prop_assert!(receiver.mesh().arrived_levels() >= 1);
+                let forged = forged(&file, &level, count);
+                let outcomes = [piece, usize::MAX].map(|piece| {
+                    let mut receiver = Receiver::default();
+                    let outcome = forged.chunks(piece).try_for_each(|bytes| receiver.push(bytes)).and_then(|()| receiver.finish());
+                    receiver.mesh().check_invariants();
+                    (outcome, receiver.mesh().arrived_levels(), receiver.newest_mesh())
+                });
+                prop_assert!(outcomes[0].1 >= 1);
+                prop_assert_eq!(&outcomes[0], &outcomes[1]);
             }
         }
     }

@@ -25,6 +25,10 @@ pub(crate) fn item_limit(bytes: u32) -> u64 {
 pub(crate) trait Levels: Send {
     /// Begins a level of `new_vertices` and takes its parameters off the front of `bytes`; false if it is none.
     fn begin(&mut self, bytes: &mut Vec<u8>, new_vertices: u32, width: usize) -> bool;
+    /// Most bytes that one piece of work reads: with fewer left of those that have arrived, the level waits.
+    fn reach(&self) -> usize {
+        usize::MAX
+    }
     /// Goes on by about `limit` triangles or vertices; true once the level is whole. `part` gets what it brings, vertices
     /// left out: those are `rows`.
     fn step(
