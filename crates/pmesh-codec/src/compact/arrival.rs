@@ -1,8 +1,9 @@
 //! What a new vertex brings: whose position it shares, where it stands, its attributes.
 
-use super::level::{LevelCoder, LevelModel, LevelTruth, Memory};
+use super::level::{LevelCoder, LevelModel, LevelTruth};
 use super::options::Side;
 use super::place::P;
+use super::site::{Memory, Site};
 use crate::range::Coder;
 use crate::refine::rows::Rows;
 use crate::refine::surface::{NONE, Surface, next, previous};
@@ -27,7 +28,7 @@ impl LevelCoder {
         truth: Option<&LevelTruth>,
         own: Option<u32>,
     ) -> Result<Option<u32>, &'static str> {
-        let list = self.fresh.entry(memory.first[p as usize]).or_default();
+        let list = self.fresh.entry(memory.first(p)).or_default();
         let mut found = None;
         if !list.is_empty() {
             let place = |t: &LevelTruth, v: u32| if t.position_of[v as usize] == NONE { v } else { t.position_of[v as usize] };
@@ -72,7 +73,7 @@ impl LevelCoder {
             ring.push(surface.vertex(next(c)));
             let beyond = match surface.across[next(c) as usize] {
                 NONE => None,
-                other => Some(surface.vertex(previous(other))).filter(|&w| w < rows.count()).map(|w| exact_position(rows, w)),
+                other => Some(surface.vertex(previous(other))).filter(|&w| w < v).map(|w| exact_position(rows, w)),
             };
             star.beyond.push(beyond);
             last = c;
@@ -85,11 +86,12 @@ impl LevelCoder {
         let share = 1.0 / ring.len() as f64;
         for &r in ring.iter() {
             star.ring.push(exact_position(rows, r));
-            star.valences.push(f64::from(self.counts[r as usize]));
-            star.normals.push(self.normals[r as usize].map(f64::from));
+            let site = &memory.sites[r as usize];
+            star.valences.push(f64::from(site.valence));
+            star.normals.push(site.normal.map(f64::from));
+            star.exact += usize::from(site.exact);
             let miss = memory.misses[r as usize];
             star.misses = [0, 1].map(|i| star.misses[i] + share * f64::from(miss[i]));
-            star.exact += usize::from(memory.exact[r as usize]);
         }
         let (ring, star) = (&self.ring, &self.star);
         let truth = own.map(|o| [o[0], o[1], o[2]]);
@@ -97,9 +99,9 @@ impl LevelCoder {
         let (place, miss, exact) = match shares {
             None => model.place.code(coder, star, self.mean_edge, truth),
             Some(w) => {
-                rows.seams.push((v, memory.first[w as usize]));
+                rows.seams.push((v, memory.first(w)));
                 let row = rows.row(w);
-                ([row[0], row[1], row[2]], memory.misses[w as usize].map(f64::from), memory.exact[w as usize])
+                ([row[0], row[1], row[2]], memory.misses[w as usize].map(f64::from), memory.sites[w as usize].exact)
             }
         };
         rows.values.extend(place);
@@ -114,16 +116,19 @@ impl LevelCoder {
         }
         self.spent.attributes += coder.position() - placed;
         let miss = [miss[0] as f32, miss[1] as f32];
-        memory.births.push(model.levels.min(255) as u8);
         memory.misses.push(miss);
-        memory.exact.push(exact);
         for &r in ring {
             let m = &mut memory.misses[r as usize];
             *m = [0.75 * m[0] + 0.25 * miss[0], 0.75 * m[1] + 0.25 * miss[1]];
         }
-        self.edges.push(self.edges[p as usize]);
-        let normal = star.normal();
-        self.normals.push(normal.map(|x| x as f32));
+        memory.sites.push(Site {
+            position: place.map(|x| x as f32),
+            edge: memory.sites[p as usize].edge,
+            normal: star.normal().map(|x| x as f32),
+            valence: self.valence,
+            birth: model.levels.min(255) as u8,
+            exact,
+        });
     }
 }
 

@@ -40,6 +40,12 @@ pub(super) fn ln(x: f32) -> f32 {
     k as f32 * std::f32::consts::LN_2 + 2.0 * s * (1.0 + q * (1.0 / 3.0 + q * (0.2 + q * (1.0 / 7.0 + q * (1.0 / 9.0)))))
 }
 
+/// About log₂ x, for normal positive x: exact at powers of two, straight lines between them.
+#[inline(always)]
+pub(super) fn log2(x: f32) -> f32 {
+    (x.to_bits() as i32 - 0x3f80_0000) as f32 * (1.0 / 8_388_608.0)
+}
+
 /// The angle whose cosine is `x`, to 7e-5 (Abramowitz & Stegun 4.4.45).
 #[inline(always)]
 pub(super) fn arccos(x: f32) -> f32 {
@@ -55,6 +61,11 @@ pub(super) fn arccos(x: f32) -> f32 {
 pub(super) fn larger(a: f32, b: f32) -> f32 {
     if b > a { b } else { a }
 }
+/// The smaller of two numbers: the first unless the second is smaller.
+#[inline(always)]
+pub(super) fn smaller(a: f32, b: f32) -> f32 {
+    if b < a { b } else { a }
+}
 
 #[cfg(test)]
 mod tests {
@@ -67,6 +78,7 @@ mod tests {
             assert!((exp(x) / x.exp() - 1.0).abs() < 1e-5, "exp {x}: {} {}", exp(x), x.exp());
             let y = x.exp();
             assert!((ln(y) - y.ln()).abs() < 1e-5 * (1.0 + x.abs()), "ln {y}");
+            assert!((log2(y) - y.log2()).abs() < 0.087, "log2 {y}");
             let c = i as f32 / 8000.0;
             assert!((arccos(c) - c.acos()).abs() < 1e-4, "arccos {c}");
         }

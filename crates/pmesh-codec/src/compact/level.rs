@@ -3,8 +3,8 @@
 use super::arrival::Fresh;
 use super::mixer::Mixer;
 use super::options::{Center, Neighbour, Seam, Side, VALENCE_LIMIT, Way, WayModel, Ways};
+use super::site::{Memory, Site};
 use super::place::{PlaceModel, Star};
-use super::vector::{Vector, add, cross, length, scale, sub};
 use crate::pmesh::varint::Reader;
 use crate::range::{Coder, NumberModel, RangeDecoder, SignedModel};
 use crate::refine::Levels;
@@ -82,50 +82,24 @@ pub(super) struct LevelCoder {
     start: usize,
     end: usize,
     at: usize,
+    /// Triangles and vertices of the base that have been looked at.
+    counted: usize,
     looked: usize,
-    /// By vertex: corners of triangles there, kept up to date; mean edge length and normal as the level found them, of a new vertex
-    /// those of what it split from and of its ring.
-    pub(super) counts: Vec<u32>,
-    pub(super) edges: Vec<f32>,
-    pub(super) normals: Vec<[f32; 3]>,
-    /// By vertex of the coarser mesh: its triangles are one fan, and not too many; others never split.
-    whole: Vec<bool>,
+    /// Mean edge length of the vertices of the level before, and the sum of those asked in this one.
     pub(super) mean_edge: f64,
-    counted: bool,
+    edges: f64,
     ways: Ways,
     center: Center,
     /// Of an encoder.
     pub(super) spent: Spent,
     fan: Vec<u32>,
-    /// Neighbours of a new vertex, and what is known of them.
+    /// Triangles of the new vertex.
+    pub(super) valence: u16,
+    /// Neighbours of a vertex, and what is known of those of a new one.
     pub(super) ring: Vec<u32>,
     pub(super) star: Star,
     /// Vertices that came along the boundary in this level, by the position of what they split from.
     pub(super) fresh: HashMap<u32, Vec<Fresh>>,
-}
-
-/// What outlives levels besides the model: of each vertex its level, how far off its prediction was, whether a guess hit, and the first
-/// vertex at its position.
-#[derive(Default)]
-pub(super) struct Memory {
-    pub(super) births: Vec<u8>,
-    pub(super) misses: Vec<[f32; 2]>,
-    pub(super) exact: Vec<bool>,
-    /// First vertex at the position of each.
-    pub(super) first: Vec<u32>,
-    /// How many of the seams are in `first`.
-    linked: usize,
-}
-
-impl Memory {
-    /// Takes up what the rows say of shared positions.
-    fn know(&mut self, rows: &Rows) {
-        self.first.extend(self.first.len() as u32..rows.count());
-        for &(v, p) in &rows.seams[self.linked..] {
-            self.first[v as usize] = self.first[p as usize];
-        }
-        self.linked = rows.seams.len();
-    }
 }
 
 impl LevelCoder {
@@ -135,17 +109,15 @@ impl LevelCoder {
             start: usize::MAX,
             end: new_vertices as usize,
             at: 0,
+            counted: 0,
             looked: 0,
-            counts: Vec::new(),
-            edges: Vec::new(),
-            normals: Vec::new(),
-            whole: Vec::new(),
             mean_edge: 0.0,
-            counted: false,
+            edges: 0.0,
             ways: Ways::default(),
             center: Center::default(),
             spent: Spent::default(),
             fan: Vec::new(),
+            valence: 0,
             ring: Vec::new(),
             star: Star::default(),
             fresh: HashMap::new(),
@@ -167,36 +139,30 @@ impl LevelCoder {
             self.end += self.start;
             model.levels += 1;
             model.place.begin_level(coder);
-            memory.births.resize(self.start, 0);
-            memory.misses.resize(self.start, [0.03, 0.08]);
-            memory.exact.resize(self.start, false);
             memory.know(rows);
-            self.counts = vec![0; self.start];
+            self.looked = memory.count();
+            if self.looked == 0 {
+                memory.sites.resize(self.start, Site::default());
+                memory.misses.resize(self.start, [0.03, 0.08]);
+            }
         }
-        if !self.counted {
-            // Corners of each vertex.
-            let until = self.looked.saturating_add(limit).min(surface.triangles.len());
-            for t in &surface.triangles[self.looked..until] {
-                t.iter().for_each(|&v| self.counts[v as usize] += 1);
-            }
-            self.looked = until;
-            if until == surface.triangles.len() {
-                self.counted = true;
-                self.looked = 0;
-            }
+        // The base: later vertices are known as they come.
+        if self.looked < self.start && self.counted < surface.triangles.len() {
+            let until = self.counted.saturating_add(limit).min(surface.triangles.len());
+            surface.triangles[self.counted..until].iter().flatten().for_each(|&v| memory.touch(v));
+            self.counted = until;
             return Ok(false);
         }
         if self.looked < self.start {
             let until = self.looked.saturating_add(limit).min(self.start);
-            for v in self.looked..until {
-                self.look(surface, rows, v as u32);
-            }
+            (self.looked..until).for_each(|v| memory.look(surface, rows, v as u32));
             self.looked = until;
             if until == self.start {
-                self.mean_edge /= (self.start as f64).max(1.0);
+                memory.mean_edge /= (self.start as f64).max(1.0);
             }
             return Ok(false);
         }
+        self.mean_edge = memory.mean_edge;
         let stop = self.at.saturating_add(limit).min(self.start);
         while self.at < stop && coder.has(self.reach) {
             let before = coder.byte_position();
@@ -212,32 +178,11 @@ impl LevelCoder {
         if self.at < self.start {
             return Ok(false);
         }
-        if rows.count() as usize != self.end {
+        if memory.count() != self.end {
             return Err("another number of vertices than the table announces");
         }
+        memory.mean_edge = self.edges / (self.start as f64).max(1.0);
         Ok(true)
-    }
-
-    /// Mean edge length and normal of a vertex.
-    fn look(&mut self, surface: &Surface, rows: &Rows, v: u32) {
-        let (mut normal, mut sum, mut count) = ([0.0f32; 3], 0.0f32, 0.0f32);
-        let own = position(rows, v);
-        if surface.corner_of[v as usize] != NONE {
-            for c in surface.around(surface.corner_of[v as usize]) {
-                let a = sub(position(rows, surface.vertex(next(c))), own);
-                let b = sub(position(rows, surface.vertex(previous(c))), own);
-                normal = add(normal, cross(a, b));
-                sum += length(a);
-                count += 1.0;
-            }
-        }
-        let l = length(normal);
-        self.normals.push(scale(normal, if l > 1e-12 { 1.0 / l } else { 0.0 }));
-        let mean = if count > 0.0 { sum / count } else { 0.0 };
-        self.edges.push(mean);
-        let corners = self.counts[v as usize];
-        self.whole.push(corners > 0 && count as u32 == corners);
-        self.mean_edge += f64::from(mean);
     }
 
     /// The splits of vertex `at`.
@@ -252,17 +197,17 @@ impl LevelCoder {
         let p = self.at as u32;
         let mut last = NONE;
         let mut splits = 0;
-        if !self.whole[p as usize] {
-            return Ok(());
-        }
-        while (rows.count() as usize) < self.end && self.counts[p as usize] as usize <= VALENCE_LIMIT {
-            self.gather(surface, rows, memory, p, last, splits, model.levels);
+        let mut own_edge = memory.sites[p as usize].edge;
+        while memory.count() < self.end && self.gather(surface, memory, p, last, splits, model.levels) {
             model.ways.weigh(&self.center, &mut self.ways);
+            let site = &mut memory.sites[p as usize];
+            (site.edge, site.normal) = (self.ways.edge, self.ways.normal);
+            own_edge = site.edge;
             if self.ways.ways.is_empty() {
                 break;
             }
             let wanted = match truth.as_deref_mut() {
-                Some(t) if C::ENCODES => self.wanted(surface, &mut t.splits[p as usize])?,
+                Some(t) if C::ENCODES => self.wanted(&mut t.splits[p as usize])?,
                 _ => None,
             };
             let (set, at) = self.contexts(model.levels);
@@ -274,11 +219,11 @@ impl LevelCoder {
                 model.ways.learn(&self.center, &self.ways, None);
                 break;
             }
-            let taken = model.ways.choose(coder, &self.ways, wanted.as_ref().map_or(0, |w| w.0));
+            let taken = model.ways.choose(coder, &self.center, &mut self.ways, wanted.as_ref().map_or(0, |w| w.0));
             self.spent.ways += coder.position() - flagged;
             model.ways.learn(&self.center, &self.ways, Some(taken));
-            let way = self.ways.ways[taken].way;
-            let v = self.split(surface, p, way, part);
+            let way = self.ways.ways[taken];
+            let v = self.split(surface, memory, p, way, part);
             let mesh_vertex = wanted.map(|w| w.1.vertex);
             let own = truth.as_deref().zip(mesh_vertex).map(|(t, w)| t.rows.row(w));
             let shares = match (way.side, rows.has_seams) {
@@ -294,76 +239,74 @@ impl LevelCoder {
             last = v;
             splits += 1;
         }
+        self.edges += f64::from(own_edge);
         Ok(())
     }
 
-    /// The neighbourhood of `p`; arcs begin after `last`.
-    #[allow(clippy::too_many_arguments)]
-    fn gather(&mut self, surface: &Surface, rows: &Rows, memory: &Memory, p: u32, last: u32, splits: usize, level: usize) {
-        self.fan.clear();
-        self.fan.extend(surface.around(surface.corner_of[p as usize]));
-        let end = self.fan[self.fan.len() - 1];
-        let closed = surface.turn(end) != NONE;
+    /// The neighbourhood of `p`; arcs begin after `last`. False if its triangles are not one fan, or too many: such a vertex never
+    /// splits.
+    fn gather(&mut self, surface: &Surface, memory: &Memory, p: u32, last: u32, splits: usize, level: usize) -> bool {
+        let site = &memory.sites[p as usize];
+        let valence = usize::from(site.valence);
+        if valence == 0 || valence > VALENCE_LIMIT {
+            return false;
+        }
+        let closed = surface.fan_of(p, &mut self.fan);
+        if self.fan.len() != valence {
+            return false;
+        }
+        let ring = &mut self.ring;
+        ring.clear();
+        ring.extend(self.fan.iter().map(|&c| surface.vertex(next(c))));
         if closed {
             // Begins at the last new vertex, or at the lowest neighbour.
-            let key = |c: &u32| {
-                let n = surface.vertex(next(*c));
-                if n == last { 0 } else { u64::from(n) + 1 }
-            };
-            let first = (0..self.fan.len()).min_by_key(|&i| key(&self.fan[i])).unwrap_or(0);
+            let key = |&n: &u32| if n == last { 0 } else { u64::from(n) + 1 };
+            let first = (0..valence).min_by_key(|&i| key(&ring[i])).unwrap_or(0);
             self.fan.rotate_left(first);
+            ring.rotate_left(first);
+        } else {
+            ring.push(surface.vertex(previous(self.fan[valence - 1])));
         }
         let c = &mut self.center;
-        c.neighbours.clear();
-        c.position = position(rows, p);
+        c.position = site.position;
         c.closed = closed;
-        let start = self.start;
-        let mut edge = 2.0 * self.edges[p as usize];
-        let mut push = |n: u32| {
-            let state = if n as usize >= start { 2 } else { usize::from(n < p) };
-            edge += self.edges[n as usize];
-            c.neighbours.push(Neighbour {
-                position: position(rows, n),
-                valence: self.counts[n as usize] as usize,
-                state,
-                age: level.saturating_sub(usize::from(memory.births[n as usize])),
+        c.count = 0;
+        c.first = 0;
+        for (i, &n) in ring.iter().enumerate() {
+            let site = &memory.sites[n as usize];
+            if n == last {
+                c.first = i + 1;
+            }
+            c.push(Neighbour {
+                vertex: n,
+                position: site.position,
+                edge: site.edge,
+                valence: usize::from(site.valence),
+                state: if n as usize >= self.start { 2 } else { usize::from(n < p) },
+                age: level.saturating_sub(usize::from(site.birth)),
             });
-        };
-        for &c in &self.fan {
-            push(surface.vertex(next(c)));
         }
-        if !closed {
-            push(surface.vertex(previous(self.fan[self.fan.len() - 1])));
-        }
-        c.edge = edge / (c.neighbours.len() as f32 + 2.0);
-        c.age = level.saturating_sub(usize::from(memory.births[p as usize]));
+        c.age = level.saturating_sub(usize::from(site.birth));
         c.splits = splits;
         c.seam = Seam::Quiet;
-        for f in self.fresh.get(&memory.first[p as usize]).into_iter().flatten() {
-            c.seam = match f.side {
-                _ if f.from == p => Seam::Own,
-                _ if f.shared > 0 => continue,
-                Side::Head => Seam::Head,
-                _ => Seam::Tail,
-            };
+        if !self.fresh.is_empty() {
+            for f in self.fresh.get(&memory.first(p)).into_iter().flatten() {
+                c.seam = match f.side {
+                    _ if f.from == p => Seam::Own,
+                    _ if f.shared > 0 => continue,
+                    Side::Head => Seam::Head,
+                    _ => Seam::Tail,
+                };
+            }
         }
-        c.first = if last == NONE {
-            0
-        } else {
-            let fan = &self.fan;
-            let at = |i: usize| if i < fan.len() { surface.vertex(next(fan[i])) } else { surface.vertex(previous(fan[i - 1])) };
-            (0..c.neighbours.len()).find(|&i| at(i) == last).map_or(0, |i| i + 1)
-        };
+        true
     }
 
     /// The split that comes first, and its way.
-    fn wanted(&self, surface: &Surface, splits: &mut Vec<Split>) -> Result<Option<(usize, Split)>, &'static str> {
-        let n = self.center.neighbours.len();
-        let fan = &self.fan;
-        let at = |i: usize| if i < fan.len() { surface.vertex(next(fan[i])) } else { surface.vertex(previous(fan[i - 1])) };
+    fn wanted(&self, splits: &mut Vec<Split>) -> Result<Option<(usize, Split)>, &'static str> {
         let mut best: Option<(usize, bool, usize)> = None;
         for (k, s) in splits.iter().enumerate() {
-            let from = (0..n).find(|&i| at(i) == s.chain[0]).ok_or("a split elsewhere")?;
+            let from = self.center.neighbours().iter().position(|n| n.vertex == s.chain[0]).ok_or("a split elsewhere")?;
             let key = (from, s.side != Side::Head, k);
             if best.is_none_or(|b| key < b) {
                 best = Some(key);
@@ -372,20 +315,20 @@ impl LevelCoder {
         let Some((from, _, k)) = best else { return Ok(None) };
         let s = splits.swap_remove(k);
         let to = from + s.chain.len() - 1;
-        let way = Way { side: s.side, from, to };
-        let index = self.ways.ways.iter().position(|w| w.way == way).ok_or("a split that is no way")?;
+        let way = Way { side: s.side, from: from as u8, to: to as u8 };
+        let index = self.ways.ways.iter().position(|w| *w == way).ok_or("a split that is no way")?;
         Ok(Some((index, s)))
     }
 
     fn contexts(&self, level: usize) -> (usize, [usize; FLAGS]) {
         let (w, c) = (&self.ways, &self.center);
-        let n = c.neighbours.len().min(17);
+        let n = c.count.min(17);
         let bin = ((w.opinion * 1.5 + 8.0) as i32).clamp(0, BINS as i32 - 1) as usize;
         let again = c.splits.min(2);
         let seam = c.seam as usize;
         let fresh = w.fresh.min(5);
-        let done = c.neighbours.iter().filter(|x| x.state > 0).count();
-        let share = (4 * done / c.neighbours.len().max(1)).min(4);
+        let done = c.neighbours().iter().filter(|x| x.state > 0).count();
+        let share = (4 * done / c.count.max(1)).min(4);
         let age = c.age.min(5);
         let at = [
             ((n.min(15) * BINS + bin) * 3 + again) * 4 + seam,
@@ -400,16 +343,16 @@ impl LevelCoder {
     }
 
     /// Splits `p`; gives the new vertex.
-    fn split(&mut self, surface: &mut Surface, p: u32, way: Way, part: &mut Level) -> u32 {
-        let k = self.fan.len();
-        let at = |i: usize| if i < k || self.center.closed { next(self.fan[i % k]) } else { previous(self.fan[k - 1]) };
-        let moved = way.to - way.from;
-        let corners: Vec<u32> = (0..moved).map(|i| self.fan[(way.from + i) % k]).collect();
-        let chain: Vec<u32> = (way.from..=way.to).map(|i| surface.vertex(at(i))).collect();
+    fn split(&mut self, surface: &mut Surface, memory: &mut Memory, p: u32, way: Way, part: &mut Level) -> u32 {
+        let (from, to) = way.range();
+        let (k, around) = (self.fan.len(), self.center.neighbours());
+        let moved = to - from;
+        let corners: Vec<u32> = (from..to).map(|i| self.fan[i % k]).collect();
+        let chain: Vec<u32> = (from..=to).map(|i| around[i % around.len()].vertex).collect();
         let before = surface.triangles.len();
         let v = surface.corner_of.len() as u32;
         part.corner_moves.extend(corners.iter().map(|&c| CornerMove { triangle: c / 3, corner: (c % 3) as u8, vertex: v }));
-        let (first, last) = (chain[0] as usize, chain[chain.len() - 1] as usize);
+        let (first, last) = (chain[0], chain[moved]);
         let fan = Fan { apex: p, corners, chain };
         let new = match way.side {
             Side::Inside => {
@@ -419,29 +362,24 @@ impl LevelCoder {
             side => {
                 // The corner of p's fan beside the cut, if there is one.
                 let beside =
-                    if side == Side::Head { self.fan.get(way.to).copied() } else { way.from.checked_sub(1).map(|i| self.fan[i]) };
+                    if side == Side::Head { self.fan.get(to).copied() } else { from.checked_sub(1).map(|i| self.fan[i]) };
                 surface.insert_at_boundary(&fan, side == Side::Head, beside);
                 1
             }
         };
         // Neighbours at the cuts gain a triangle each.
-        match way.side {
-            Side::Inside => {
-                self.counts[first] += 1;
-                self.counts[last] += 1;
-            }
-            Side::Head => self.counts[last] += 1,
-            Side::Tail => self.counts[first] += 1,
+        if way.side != Side::Tail {
+            memory.touch(last);
         }
-        self.counts[p as usize] = self.counts[p as usize] + new - moved as u32;
-        self.counts.push(moved as u32 + new);
+        if way.side != Side::Head {
+            memory.touch(first);
+        }
+        let site = &mut memory.sites[p as usize];
+        site.valence = site.valence + new - moved as u16;
+        self.valence = moved as u16 + new;
         part.triangles.extend_from_slice(&surface.triangles[before..]);
         v
     }
-}
-
-fn position(rows: &Rows, v: u32) -> Vector<f32> {
-    [0, 1, 2].map(|k| rows.value(v, k) as f32)
 }
 
 /// The decoder's side: what outlives levels, and the level that is being decoded.

@@ -13,6 +13,7 @@ mod level;
 mod mixer;
 mod options;
 mod place;
+mod site;
 mod vector;
 
 pub use encode::{CompactReport, CompactStream, Removed, encode};

@@ -130,6 +130,36 @@ impl Surface {
         std::iter::successors(Some(first), after)
     }
 
+    /// Lists the corners of the fan about `v`, as [`Self::around`]; true if it is closed. Nothing for a vertex without triangles.
+    pub(crate) fn fan_of(&self, v: u32, out: &mut Vec<u32>) -> bool {
+        out.clear();
+        let start = self.corner_of[v as usize];
+        if start == NONE {
+            return false;
+        }
+        let mut c = start;
+        loop {
+            out.push(c);
+            c = self.turn(c);
+            if c == start {
+                return true;
+            }
+            if c == NONE {
+                break;
+            }
+        }
+        // A boundary: what lies clockwise of the start comes first.
+        let after = out.len();
+        c = self.turn_back(start);
+        while c != NONE {
+            out.push(c);
+            c = self.turn_back(c);
+        }
+        out[after..].reverse();
+        out.rotate_left(after);
+        false
+    }
+
     /// The fan that triangles `region` make, its apex the lowest vertex that can be one; `None` if they make none: the only
     /// shape that one representative can express.
     pub fn fan(&self, region: &[u32]) -> Option<Fan> {
