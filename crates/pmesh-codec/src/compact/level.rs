@@ -9,7 +9,7 @@ use crate::pmesh::varint::Reader;
 use crate::range::{Coder, NumberModel, RangeDecoder, SignedModel};
 use crate::refine::Levels;
 use crate::refine::rows::Rows;
-use crate::refine::surface::{Fan, NONE, Surface, next, previous};
+use crate::refine::surface::{Fan, NONE, Surface};
 use pmesh_core::{CornerMove, Level};
 use std::collections::HashMap;
 
@@ -93,6 +93,8 @@ pub(super) struct LevelCoder {
     /// Of an encoder.
     pub(super) spent: Spent,
     fan: Vec<u32>,
+    /// Where in a closed fan the neighbours begin.
+    begin: usize,
     /// Triangles of the new vertex.
     pub(super) valence: u16,
     /// Neighbours of a vertex, and what is known of those of a new one.
@@ -117,6 +119,7 @@ impl LevelCoder {
             center: Center::default(),
             spent: Spent::default(),
             fan: Vec::new(),
+            begin: 0,
             valence: 0,
             ring: Vec::new(),
             star: Star::default(),
@@ -203,7 +206,7 @@ impl LevelCoder {
             let site = &mut memory.sites[p as usize];
             (site.edge, site.normal) = (self.ways.edge, self.ways.normal);
             own_edge = site.edge;
-            if self.ways.ways.is_empty() {
+            if !self.ways.any {
                 break;
             }
             let wanted = match truth.as_deref_mut() {
@@ -219,10 +222,12 @@ impl LevelCoder {
                 model.ways.learn(&self.center, &self.ways, None);
                 break;
             }
-            let taken = model.ways.choose(coder, &self.center, &mut self.ways, wanted.as_ref().map_or(0, |w| w.0));
+            model.ways.list(&self.center, &mut self.ways);
+            let index = |w: &(Way, Split)| self.ways.ways.iter().position(|l| l.way == w.0).ok_or("a split that is no way");
+            let taken = model.ways.choose(coder, &self.ways, wanted.as_ref().map_or(Ok(0), index)?);
             self.spent.ways += coder.position() - flagged;
             model.ways.learn(&self.center, &self.ways, Some(taken));
-            let way = self.ways.ways[taken];
+            let way = self.ways.ways[taken].way;
             let v = self.split(surface, memory, p, way, part);
             let mesh_vertex = wanted.map(|w| w.1.vertex);
             let own = truth.as_deref().zip(mesh_vertex).map(|(t, w)| t.rows.row(w));
@@ -251,28 +256,33 @@ impl LevelCoder {
         if valence == 0 || valence > VALENCE_LIMIT {
             return false;
         }
-        let closed = surface.fan_of(p, &mut self.fan);
+        let closed = surface.fan_of(p, &mut self.fan, &mut self.ring);
         if self.fan.len() != valence {
             return false;
         }
-        let ring = &mut self.ring;
-        ring.clear();
-        ring.extend(self.fan.iter().map(|&c| surface.vertex(next(c))));
+        let ring = &self.ring;
+        // A closed fan begins at the last new vertex, or at the lowest neighbour.
+        let (mut begin, mut lowest) = (0, u32::MAX);
         if closed {
-            // Begins at the last new vertex, or at the lowest neighbour.
-            let key = |&n: &u32| if n == last { 0 } else { u64::from(n) + 1 };
-            let first = (0..valence).min_by_key(|&i| key(&ring[i])).unwrap_or(0);
-            self.fan.rotate_left(first);
-            ring.rotate_left(first);
-        } else {
-            ring.push(surface.vertex(previous(self.fan[valence - 1])));
+            for (i, &n) in ring.iter().enumerate() {
+                if n == last {
+                    begin = i;
+                    break;
+                }
+                if n < lowest {
+                    (begin, lowest) = (i, n);
+                }
+            }
         }
+        self.begin = begin;
+        let (end, start) = ring.split_at(begin);
         let c = &mut self.center;
         c.position = site.position;
+        c.edge = site.edge;
         c.closed = closed;
         c.count = 0;
         c.first = 0;
-        for (i, &n) in ring.iter().enumerate() {
+        for (i, &n) in start.iter().chain(end).enumerate() {
             let site = &memory.sites[n as usize];
             if n == last {
                 c.first = i + 1;
@@ -281,9 +291,9 @@ impl LevelCoder {
                 vertex: n,
                 position: site.position,
                 edge: site.edge,
-                valence: usize::from(site.valence),
-                state: if n as usize >= self.start { 2 } else { usize::from(n < p) },
-                age: level.saturating_sub(usize::from(site.birth)),
+                valence: site.valence,
+                state: if n as usize >= self.start { 2 } else { u8::from(n < p) },
+                age: level.saturating_sub(site.birth.into()).min(255) as u8,
             });
         }
         c.age = level.saturating_sub(usize::from(site.birth));
@@ -303,7 +313,7 @@ impl LevelCoder {
     }
 
     /// The split that comes first, and its way.
-    fn wanted(&self, splits: &mut Vec<Split>) -> Result<Option<(usize, Split)>, &'static str> {
+    fn wanted(&self, splits: &mut Vec<Split>) -> Result<Option<(Way, Split)>, &'static str> {
         let mut best: Option<(usize, bool, usize)> = None;
         for (k, s) in splits.iter().enumerate() {
             let from = self.center.neighbours().iter().position(|n| n.vertex == s.chain[0]).ok_or("a split elsewhere")?;
@@ -316,8 +326,7 @@ impl LevelCoder {
         let s = splits.swap_remove(k);
         let to = from + s.chain.len() - 1;
         let way = Way { side: s.side, from: from as u8, to: to as u8 };
-        let index = self.ways.ways.iter().position(|w| *w == way).ok_or("a split that is no way")?;
-        Ok(Some((index, s)))
+        Ok(Some((way, s)))
     }
 
     fn contexts(&self, level: usize) -> (usize, [usize; FLAGS]) {
@@ -337,7 +346,7 @@ impl LevelCoder {
             (age * 16 + w.mean_length) * 6 + fresh,
             (n * 6 + fresh) * 4 + share.min(3),
             (bin * 5 + share) * 6 + fresh,
-            (n * 8 + (w.ways.len() / 8).min(7)) * 6 + fresh,
+            (n * 8 + w.free.min(7)) * 6 + fresh,
         ];
         (again * 4 + seam, at)
     }
@@ -347,7 +356,8 @@ impl LevelCoder {
         let (from, to) = way.range();
         let (k, around) = (self.fan.len(), self.center.neighbours());
         let moved = to - from;
-        let corners: Vec<u32> = (from..to).map(|i| self.fan[i % k]).collect();
+        let corner = |i: usize| self.fan[(i + self.begin) % k];
+        let corners: Vec<u32> = (from..to).map(corner).collect();
         let chain: Vec<u32> = (from..=to).map(|i| around[i % around.len()].vertex).collect();
         let before = surface.triangles.len();
         let v = surface.corner_of.len() as u32;
@@ -362,7 +372,7 @@ impl LevelCoder {
             side => {
                 // The corner of p's fan beside the cut, if there is one.
                 let beside =
-                    if side == Side::Head { self.fan.get(to).copied() } else { from.checked_sub(1).map(|i| self.fan[i]) };
+                    if side == Side::Head { self.fan.get(to).copied() } else { from.checked_sub(1).map(corner) };
                 surface.insert_at_boundary(&fan, side == Side::Head, beside);
                 1
             }

@@ -7,19 +7,29 @@ use crate::range::Coder;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Odds {
     yes: f32,
-    seen: f32,
+    seen: u32,
     /// The probability in the logistic domain.
     stretched: f32,
 }
 
 impl Default for Odds {
     fn default() -> Self {
-        Self { yes: 0.5, seen: 0.0, stretched: 0.0 }
+        Self { yes: 0.5, seen: 0, stretched: 0.0 }
     }
 }
 
 /// Questions after which odds learn no slower.
-const MEMORY: f32 = 255.0;
+const MEMORY: u32 = 255;
+/// How fast they learn after so many.
+const RATES: [f32; MEMORY as usize + 1] = {
+    let mut rates = [0.0; MEMORY as usize + 1];
+    let mut i = 0;
+    while i < rates.len() {
+        rates[i] = 1.0 / (i as f32 + 1.5);
+        i += 1;
+    }
+    rates
+};
 
 impl Odds {
     /// Codes a yes or no by these odds alone.
@@ -31,11 +41,9 @@ impl Odds {
     #[inline(always)]
     fn learn(&mut self, bit: bool) {
         let target = if bit { 1.0 } else { 0.0 };
-        self.yes += (target - self.yes) / (self.seen + 1.5);
+        self.yes += (target - self.yes) * RATES[self.seen as usize];
         self.stretched = stretch(self.yes.clamp(0.001, 0.999));
-        if self.seen < MEMORY {
-            self.seen += 1.0;
-        }
+        self.seen = (self.seen + 1).min(MEMORY);
     }
 }
 
@@ -70,7 +78,7 @@ impl<const N: usize> Mixer<N> {
         for i in 0..N {
             let o = self.odds[i][at[i]];
             // What has hardly been met says little.
-            inputs[i] = o.stretched * if o.seen < 8.0 { o.seen * 0.125 } else { 1.0 };
+            inputs[i] = o.stretched * o.seen.min(8) as f32 * 0.125;
             sum += weights[i] * inputs[i];
         }
         let yes = squash(sum.clamp(-9.0, 9.0));

@@ -5,10 +5,9 @@
 //! there is a split needs no more than that, and most vertices have none; which it is also depends on the arc's angle and
 //! on where its middle and its ends lie. Entries learn by gradient ascent of the logarithm of the likelihood.
 
-use super::float::{arccos, larger, ln, log2, smaller};
+use super::float::{arccos, larger, ln, smaller};
 use super::mixer::chance_of_no;
-use super::site::unit;
-use super::vector::{Vector, add, cross, dot, length, sub};
+use super::vector::{Vector, add, cross, dot, scale, sub};
 use crate::range::Coder;
 
 /// Vertices with more triangles are never split. A simplifier keeps to 18 for the two ends of a collapse; splits of neighbours that
@@ -19,7 +18,7 @@ const LENGTHS: usize = 16;
 const VALENCES: usize = 10;
 const STATES: usize = 3;
 const KINDS: usize = LENGTHS * VALENCES * STATES;
-const BENDS: usize = 13;
+const BENDS: usize = 16;
 const AGES: usize = 6;
 const RUNS: usize = STATES * STATES * STATES;
 const ANGLES: usize = 25;
@@ -88,17 +87,19 @@ pub(super) struct Neighbour {
     pub(super) position: Vector<f32>,
     /// Mean edge length there.
     pub(super) edge: f32,
-    pub(super) valence: usize,
+    pub(super) valence: u16,
     /// 0: its own splits are to come; 1: they are known; 2: new in this level.
-    pub(super) state: usize,
+    pub(super) state: u8,
     /// Levels since it came.
-    pub(super) age: usize,
+    pub(super) age: u8,
 }
 
 /// A vertex that may split, and its neighbours counter-clockwise.
 #[derive(Clone, Debug)]
 pub(super) struct Center {
     pub(super) position: Vector<f32>,
+    /// Mean edge length, when it was last asked.
+    pub(super) edge: f32,
     pub(super) count: usize,
     around: [Neighbour; SIDES],
     pub(super) closed: bool,
@@ -115,6 +116,7 @@ impl Default for Center {
     fn default() -> Self {
         Self {
             position: [0.0; 3],
+            edge: 0.0,
             count: 0,
             around: [Neighbour::default(); SIDES],
             closed: false,
@@ -150,14 +152,16 @@ pub(super) enum Seam {
     Own,
 }
 
-/// Entries for a left cut, a right cut, inside; the fourth is room for vector instructions.
+/// Entries for a left cut, a right cut, inside, and against any split.
 type Roles = [f32; 4];
 
 /// Scratch: by neighbour, a closed fan's twice over.
 #[derive(Clone, Debug)]
 struct Fan {
+    /// In parts of the mean edge.
     arms: [Vector<f32>; TWICE],
-    sizes: [f32; TWICE],
+    /// Their squares.
+    squares: [f32; TWICE],
     factors: [Roles; TWICE],
     /// It is not new in this level.
     free: [bool; TWICE],
@@ -169,7 +173,7 @@ impl Default for Fan {
     fn default() -> Self {
         Self {
             arms: [[0.0; 3]; TWICE],
-            sizes: [0.0; TWICE],
+            squares: [0.0; TWICE],
             factors: [[1.0; 4]; TWICE],
             free: [false; TWICE],
             at: [[0; 4]; SIDES],
@@ -180,8 +184,8 @@ impl Default for Fan {
 /// What the tables say of a vertex.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Ways {
-    pub(super) ways: Vec<Way>,
-    weights: Vec<f32>,
+    /// There is a way.
+    pub(super) any: bool,
     total: f32,
     /// The chance that there is a split.
     chance: f32,
@@ -189,17 +193,25 @@ pub(super) struct Ways {
     pub(super) opinion: f32,
     no: [usize; NO],
     fan: Box<Fan>,
-    /// Mean edge length thereabouts.
-    unit: f32,
-    /// Of the vertex itself.
+    /// Of the vertex itself: its edges' root mean square, its normal.
     pub(super) edge: f32,
     pub(super) normal: Vector<f32>,
     pub(super) mean_length: usize,
     pub(super) most_length: usize,
     pub(super) fresh: usize,
-    /// Of each way, once there is a split: its weight, and entries for angle, offset, chord.
-    full: Vec<(f32, [u8; 3])>,
-    full_total: f32,
+    /// Neighbours that are not new, from the first on at which an arc may begin.
+    pub(super) free: usize,
+    /// Once there is a split: its ways, and the sums of their weights.
+    pub(super) ways: Vec<Listed>,
+    sums: Vec<f32>,
+}
+
+/// A way, its entries for angle, offset and chord, and its weight.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Listed {
+    pub(super) way: Way,
+    own: [u8; 3],
+    weight: f32,
 }
 
 /// The tables.
@@ -224,16 +236,38 @@ fn class(x: f32, limit: usize) -> usize {
     (x as i32).clamp(0, limit as i32 - 1) as usize
 }
 
-/// Multiplies an entry by e^step, for small steps.
+/// A class of a number by about its logarithm, 2^`fine` classes an octave; 1 is the first of its octave, `one` octaves up. `x` is not
+/// negative.
 #[inline(always)]
-fn grow(entry: &mut f32, step: f32) {
-    let grown = *entry * (1.0 + step * (1.0 + step * (0.5 + step * (1.0 / 6.0))));
-    *entry = larger(smaller(grown, ENTRY), 1.0 / ENTRY);
+fn octaves(x: f32, fine: u32, one: i32, limit: usize) -> usize {
+    let whole = x.to_bits() as i32 >> (23 - fine);
+    (whole - ((127 - one) << fine)).clamp(0, limit as i32 - 1) as usize
+}
+
+#[inline(always)]
+fn times(a: Roles, b: Roles) -> Roles {
+    [a[0] * b[0], a[1] * b[1], a[2] * b[2], a[3] * b[3]]
+}
+/// Each between 1 / `limit` and `limit`.
+#[inline(always)]
+fn within(a: Roles, limit: f32) -> Roles {
+    let bounded = |x: f32| larger(smaller(x, limit), 1.0 / limit);
+    [bounded(a[0]), bounded(a[1]), bounded(a[2]), bounded(a[3])]
+}
+/// e^step, for small steps.
+#[inline(always)]
+fn growth(step: f32) -> f32 {
+    1.0 + step * (1.0 + step * (0.5 + step * (1.0 / 6.0)))
+}
+/// An entry within its bounds.
+#[inline(always)]
+fn bounded(entry: f32) -> f32 {
+    larger(smaller(entry, ENTRY), 1.0 / ENTRY)
 }
 
 /// The rate after so many lessons.
-fn rate(seen: f32) -> f32 {
-    0.02 * (1.0 + 8.0 / (1.0 + seen / 400.0))
+fn rate_after(seen: f32) -> f32 {
+    0.012 * (1.0 + 8.0 / (1.0 + seen / 400.0))
 }
 
 impl WayModel {
@@ -265,51 +299,57 @@ impl WayModel {
         let around = c.neighbours();
         let n = around.len();
         let triangles = if c.closed { n } else { n - 1 };
-        let Fan { arms, sizes, factors, free, at } = &mut *out.fan;
-        let (mut own, mut others) = (0.0, 0.0);
+        let Fan { arms, squares, factors, free, at } = &mut *out.fan;
+        let edges: f32 = around.iter().map(|x| x.edge).sum();
+        let mean = larger((2.0 * c.edge + edges) / (n as f32 + 2.0), 1e-6);
+        // In parts of the mean edge.
+        let unit = 1.0 / mean;
+        let mut all = 0.0;
         for (i, x) in around.iter().enumerate() {
-            arms[i] = sub(x.position, c.position);
-            sizes[i] = length(arms[i]);
+            arms[i] = scale(sub(x.position, c.position), unit);
+            squares[i] = dot(arms[i], arms[i]);
             free[i] = x.state != 2;
-            own += sizes[i];
-            others += x.edge;
+            all += squares[i];
         }
-        (arms[n], sizes[n]) = (arms[0], sizes[0]);
-        out.edge = own / n as f32;
-        out.unit = 1.0 / larger((2.0 * out.edge + others) / (n as f32 + 2.0), 1e-6);
-        // Normals of the triangles from each neighbour to the next, and their lengths' reciprocals.
-        let (mut normals, mut inverse) = ([[0.0; 3]; SIDES], [0.0; SIDES]);
+        (arms[n], squares[n]) = (arms[0], squares[0]);
+        out.edge = mean * (all / n as f32).sqrt();
+        // Normals of the triangles from each neighbour to the next, and the squares of their lengths.
+        let (mut normals, mut areas) = ([[0.0; 3]; SIDES], [0.0; SIDES]);
         let mut normal = [0.0; 3];
         for i in 0..triangles {
             normals[i] = cross(arms[i], arms[i + 1]);
+            areas[i] = dot(normals[i], normals[i]);
             normal = add(normal, normals[i]);
-            let l = length(normals[i]);
-            inverse[i] = if l > 1e-12 { 1.0 / l } else { 0.0 };
         }
-        out.normal = unit(normal);
+        out.normal = super::site::unit(normal);
         let (mut sum, mut most) = (0usize, 0usize);
         out.fresh = 0;
-        let scale = out.unit * out.unit;
+        let mut against = 1.0;
         for (i, x) in around.iter().enumerate() {
             let (before, after) = (if i == 0 { n - 1 } else { i - 1 }, if i + 1 == n { 0 } else { i + 1 });
-            // Six classes in a factor of e.
-            let long = class(2.079_44 * log2(larger(sizes[i] * sizes[i] * scale, 1e-6)) + 8.0, LENGTHS);
+            let long = octaves(squares[i], 1, 4, LENGTHS);
             sum += long;
             most = most.max(long);
             out.fresh += usize::from(x.state == 2);
             let bend = if c.closed || (i > 0 && i < triangles) {
-                let cosine = dot(normals[before], normals[i]) * inverse[before] * inverse[i];
-                class(0.831_78 * log2(larger(1.0 - cosine, 0.0) + 1e-4) + 12.0, BENDS)
+                // The sine's square, or more than 1 beyond a right angle.
+                let (d, q) = (dot(normals[before], normals[i]), areas[before] * areas[i]);
+                let sine = if d > 0.0 { q - d * d } else { q + d * d };
+                octaves(sine / larger(q, 1e-30), 0, 13, BENDS - 1)
             } else {
                 BENDS - 1
             };
-            let state = |j: usize, there: bool| if c.closed || there { around[j].state } else { 1 };
-            let run = (state(before, i > 0) * 3 + x.state) * 3 + state(after, i + 1 < n);
-            let kind = (long * VALENCES + x.valence.clamp(3, 12) - 3) * STATES + x.state;
-            let age = x.age.min(AGES - 1);
+            let state = |j: usize, there: bool| if c.closed || there { usize::from(around[j].state) } else { 1 };
+            let own = usize::from(x.state);
+            let run = (state(before, i > 0) * 3 + own) * 3 + state(after, i + 1 < n);
+            let kind = (long * VALENCES + usize::from(x.valence.clamp(3, 12) - 3)) * STATES + own;
+            let age = usize::from(x.age).min(AGES - 1);
             at[i] = [kind as u16, bend as u16, age as u16, run as u16];
             let (k, b, a, r) = (&self.kind[kind], &self.bend[bend], &self.age[age], &self.run[run]);
-            factors[i] = std::array::from_fn(|j| smaller(larger(k[j] * b[j] * (a[j] * r[j]), 1.0 / PRODUCT), PRODUCT));
+            let product = within(times(times(*k, *b), times(*a, *r)), PRODUCT);
+            against = larger(smaller(against * product[3], PRODUCT), 1.0 / PRODUCT);
+            // No arc ends at what is new, or goes over it.
+            factors[i] = if free[i] { product } else { [0.0; 4] };
         }
         if c.closed {
             factors.copy_within(0..n, n);
@@ -317,17 +357,12 @@ impl WayModel {
         }
         out.mean_length = sum / n;
         out.most_length = most;
-        out.ways.clear();
-        out.weights.clear();
         let seam = &self.seam[c.seam as usize];
+        let kind = usize::from(!c.closed);
+        let arcs = self.arcs(kind, n);
         let mut total = 0.0;
-        let mut push = |side: Side, kind: usize, (from, to): (usize, usize), weight: f32| {
-            let weight = weight * self.arc[(kind * SIDES + n) * SIDES + to - from] * seam[kind];
-            total += weight;
-            out.ways.push(Way { side, from: from as u8, to: to as u8 });
-            out.weights.push(weight);
-        };
-        let inside = usize::from(!c.closed);
+        out.any = false;
+        out.free = free[c.first.min(n)..n].iter().filter(|f| **f).count();
         for from in c.first..n {
             if !free[from] {
                 continue;
@@ -335,98 +370,129 @@ impl WayModel {
             let mut inner = factors[from][0];
             // A closed fan keeps a triangle.
             let end = if c.closed { from + n } else { n };
-            for to in from + 1..end {
-                if !free[to] {
-                    break;
-                }
-                push(Side::Inside, inside, (from, to), inner * factors[to][1]);
-                inner = smaller(inner * factors[to][2], ARC);
+            for (f, arc) in factors[from + 1..end].iter().zip(&arcs[1..]) {
+                total += inner * f[1] * arc;
+                inner = smaller(inner * f[2], ARC);
             }
+            out.any |= from + 1 < end && free[from + 1];
         }
+        total *= seam[kind];
         if !c.closed {
             // Along the boundary.
-            let mut inner = 1.0;
-            for to in 0..n {
-                if c.first > 0 || !free[to] {
-                    break;
+            if c.first == 0 {
+                let (mut inner, mut heads) = (1.0, 0.0);
+                for (f, arc) in factors[..n].iter().zip(self.arcs(2, n)) {
+                    heads += inner * f[1] * arc;
+                    inner = smaller(inner * f[2], ARC);
                 }
-                push(Side::Head, 2, (0, to), inner * factors[to][1]);
-                inner = smaller(inner * factors[to][2], ARC);
+                total += heads * seam[2];
             }
-            let mut inner = 1.0;
-            for from in (c.first..n).rev() {
-                if !free[from] {
-                    break;
-                }
-                push(Side::Tail, 3, (from, n - 1), inner * factors[from][0]);
-                inner = smaller(inner * factors[from][2], ARC);
+            let (mut inner, mut tails) = (1.0, 0.0);
+            for (f, arc) in factors[c.first.min(n)..n].iter().rev().zip(self.arcs(3, n)) {
+                tails += inner * f[0] * arc;
+                inner = smaller(inner * f[2], ARC);
             }
+            total += tails * seam[3];
+            out.any |= c.first == 0 && free[0] || c.first < n && free[n - 1];
         }
         out.total = total;
         out.no = [n, out.mean_length, out.fresh, c.age, c.splits, c.seam as usize].map(|x| x.min(SIDES - 1));
-        let no: f32 = (0..NO).map(|i| self.no[i][out.no[i]]).product();
+        let no: f32 = (0..NO).map(|i| self.no[i][out.no[i]]).product::<f32>() * against;
         out.chance = total / (total + no);
         out.opinion = ln(larger(total / no, 1e-9)).clamp(-8.0, 8.0);
     }
 
-    /// Weighs the ways of a vertex of which it is known that it splits, and codes which it is, by halves.
-    pub(super) fn choose(&self, coder: &mut impl Coder, c: &Center, out: &mut Ways, truth: usize) -> usize {
+    /// Entries of arcs by their triangles, in a fan of so many neighbours.
+    #[inline(always)]
+    fn arcs(&self, kind: usize, n: usize) -> &[f32] {
+        &self.arc[(kind * SIDES + n) * SIDES..][..n]
+    }
+
+    /// Lists the ways of a vertex that splits. O(neighbours²).
+    pub(super) fn list(&self, c: &Center, out: &mut Ways) {
         let n = c.count;
         let triangles = if c.closed { n } else { n - 1 };
-        let Fan { arms, sizes, .. } = &mut *out.fan;
+        let Fan { arms, squares, factors, free, .. } = &mut *out.fan;
         let mut angles = [0.0; TWICE];
-        let mut total_angle = 0.0;
+        let mut all = 0.0;
         for i in 0..triangles {
-            angles[i] = arccos(dot(arms[i], arms[i + 1]) / larger(sizes[i] * sizes[i + 1], 1e-12));
-            total_angle += angles[i];
+            angles[i] = arccos(dot(arms[i], arms[i + 1]) / larger((squares[i] * squares[i + 1]).sqrt(), 1e-12));
+            all += angles[i];
         }
         if c.closed {
             arms.copy_within(0..n, n);
             angles.copy_within(0..n, n);
         }
-        let per_angle = (ANGLES - 1) as f32 / larger(total_angle, 1e-6);
-        let unit = out.unit;
-        out.full.clear();
-        out.full_total = 0.0;
-        // Ways are listed so that most of them go on where the one before ended.
-        let (mut angle, mut middle) = (0.0, [0.0; 3]);
-        let mut before = Way { side: Side::Inside, from: u8::MAX, to: u8::MAX };
-        for (way, weight) in out.ways.iter().zip(&out.weights) {
-            let (from, to) = way.range();
-            let goes_on = way.side == before.side
-                && match way.side {
-                    Side::Tail => way.from + 1 == before.from,
-                    _ => way.from == before.from && way.to == before.to.wrapping_add(1),
-                };
-            if goes_on {
-                let (new, gap) = if way.side == Side::Tail { (from, from) } else { (to, to - 1) };
-                middle = add(middle, arms[new]);
-                angle += angles[gap];
-            } else {
-                middle = arms[from..=to].iter().fold([0.0; 3], |s, &a| add(s, a));
-                angle = angles[from..to].iter().sum();
-            }
-            before = *way;
-            let chord = match way.side {
-                Side::Inside => class(5.0 * unit * length(sub(arms[from], arms[to])), OFFSETS),
-                _ => 0,
-            };
+        let per_angle = (ANGLES - 1) as f32 / larger(all, 1e-6);
+        out.ways.clear();
+        out.sums.clear();
+        let mut sum = 0.0;
+        // Scaled down, so that no product overflows.
+        let seam = self.seam[c.seam as usize].map(|s| 1e-9 * s);
+        let mut push = |side: Side, kind: usize, (from, to): (usize, usize), weight: f32, (angle, middle, chord): (f32, f32, f32)| {
+            let moved = to - from;
             let own = [
                 class(per_angle * angle, ANGLES),
-                class(10.0 * unit * length(middle) * SHARES[to - from], OFFSETS),
-                chord,
+                octaves(middle * (SHARES[moved] * SHARES[moved]), 1, 5, OFFSETS),
+                octaves(chord, 1, 4, OFFSETS),
             ];
-            // Scaled down, so that no product overflows.
-            let full = weight * 1e-6 * self.angle[own[0]] * (self.offset[own[1]] * self.chord[own[2]] * 1e-3);
-            out.full_total += full;
-            out.full.push((full, own.map(|x| x as u8)));
+            let own_weight = self.angle[own[0]] * (self.offset[own[1]] * self.chord[own[2]] * seam[kind]);
+            let weight = weight * self.arcs(kind, n)[moved] * own_weight;
+            sum += weight;
+            out.ways.push(Listed { way: Way { side, from: from as u8, to: to as u8 }, own: own.map(|x| x as u8), weight });
+            out.sums.push(sum);
+        };
+        let inside = usize::from(!c.closed);
+        for from in c.first..n {
+            if !free[from] {
+                continue;
+            }
+            let (mut inner, mut angle, mut middle) = (factors[from][0], 0.0, arms[from]);
+            let end = if c.closed { from + n } else { n };
+            for to in from + 1..end {
+                if !free[to] {
+                    break;
+                }
+                angle += angles[to - 1];
+                middle = add(middle, arms[to]);
+                let chord = sub(arms[from], arms[to]);
+                push(Side::Inside, inside, (from, to), inner * factors[to][1], (angle, dot(middle, middle), dot(chord, chord)));
+                inner = smaller(inner * factors[to][2], ARC);
+            }
         }
-        let (mut low, mut high) = (0, out.full.len());
+        if c.closed {
+            return;
+        }
+        let (mut inner, mut angle, mut middle) = (1.0, 0.0, [0.0; 3]);
+        for to in 0..n {
+            if c.first > 0 || !free[to] {
+                break;
+            }
+            angle += if to > 0 { angles[to - 1] } else { 0.0 };
+            middle = add(middle, arms[to]);
+            push(Side::Head, 2, (0, to), inner * factors[to][1], (angle, dot(middle, middle), 0.0));
+            inner = smaller(inner * factors[to][2], ARC);
+        }
+        let (mut inner, mut angle, mut middle) = (1.0, 0.0, [0.0; 3]);
+        for from in (c.first..n).rev() {
+            if !free[from] {
+                break;
+            }
+            angle += if from + 1 < n { angles[from] } else { 0.0 };
+            middle = add(middle, arms[from]);
+            push(Side::Tail, 3, (from, n - 1), inner * factors[from][0], (angle, dot(middle, middle), 0.0));
+            inner = smaller(inner * factors[from][2], ARC);
+        }
+    }
+
+    /// Codes which of the ways it is, by halves.
+    pub(super) fn choose(&self, coder: &mut impl Coder, ways: &Ways, truth: usize) -> usize {
+        let (mut low, mut high) = (0, ways.ways.len());
+        let before = |i: usize| if i == 0 { 0.0 } else { ways.sums[i - 1] };
         while high - low > 1 {
             let middle = low + (high - low) / 2;
-            let left: f32 = out.full[low..middle].iter().map(|w| w.0).sum();
-            let right: f32 = out.full[middle..high].iter().map(|w| w.0).sum();
-            let yes = if left + right > 0.0 { right / (left + right) } else { 0.5 };
+            let (all, right) = (before(high) - before(low), before(high) - before(middle));
+            let yes = if all > 0.0 { right / all } else { 0.5 };
             if coder.choose(chance_of_no(yes), truth >= middle) {
                 low = middle;
             } else {
@@ -443,52 +509,99 @@ impl WayModel {
             return;
         }
         let n = c.count;
-        let rate_now = rate(self.seen);
+        let rate = rate_after(self.seen);
         self.seen += 1.0;
-        let each = if ways.total > 0.0 { ways.chance / ways.total } else { 0.0 };
-        // How much each neighbour was expected to be a left cut, a right cut, inside; and the arcs by length.
-        let mut expected = [[0.0f32; 4]; TWICE];
-        let mut arcs = [[0.0f32; SIDES]; 4];
-        for (w, (way, weight)) in ways.ways.iter().zip(&ways.weights).enumerate() {
-            let step = rate_now * (if taken == Some(w) { 1.0 } else { 0.0 } - weight * each);
+        let each = if ways.total > 0.0 { -rate * ways.chance / ways.total } else { 0.0 };
+        let seam = self.seam[c.seam as usize].map(|s| s * each);
+        // How much more than expected each neighbour was a left cut, a right cut, inside (from here on more); arcs by kind and length.
+        let mut steps = [[0.0f32; 4]; TWICE];
+        let mut arc_steps = [[0.0f32; SIDES]; 4];
+        let factors = &ways.fan.factors;
+        let kind = usize::from(!c.closed);
+        for from in c.first..n {
+            if !ways.fan.free[from] {
+                continue;
+            }
+            let (mut inner, mut sum) = (factors[from][0], 0.0);
+            let end = if c.closed { from + n } else { n };
+            let arcs = self.arcs(kind, n)[1..].iter().zip(&mut arc_steps[kind][1..]);
+            for ((f, step), (arc, arc_step)) in factors[from + 1..end].iter().zip(&mut steps[from + 1..end]).zip(arcs) {
+                let weight = inner * f[1] * (arc * seam[kind]);
+                inner = smaller(inner * f[2], ARC);
+                sum += weight;
+                *arc_step += weight;
+                step[1] += weight;
+                step[2] -= weight;
+            }
+            steps[from][0] += sum;
+            steps[from + 1][2] += sum;
+        }
+        if !c.closed {
+            if c.first == 0 {
+                let (mut inner, mut sum) = (1.0, 0.0);
+                for i in 0..n {
+                    let weight = inner * factors[i][1] * (self.arcs(2, n)[i] * seam[2]);
+                    inner = smaller(inner * factors[i][2], ARC);
+                    sum += weight;
+                    arc_steps[2][i] += weight;
+                    steps[i][1] += weight;
+                    steps[i][2] -= weight;
+                }
+                steps[0][2] += sum;
+            }
+            let mut inner = 1.0;
+            for from in (c.first..n).rev() {
+                let weight = inner * factors[from][0] * (self.arcs(3, n)[n - 1 - from] * seam[3]);
+                inner = smaller(inner * factors[from][2], ARC);
+                arc_steps[3][n - 1 - from] += weight;
+                steps[from][0] += weight;
+                steps[from + 1][2] += weight;
+                steps[n][2] -= weight;
+            }
+        }
+        if let Some(taken) = taken {
+            let way = ways.ways[taken].way;
             let (from, to) = way.range();
-            arcs[way.kind(c.closed)][to - from] += step;
             let (left, right, first, end) = match way.side {
-                Side::Inside => (step, step, from + 1, to),
-                Side::Head => (0.0, step, 0, to),
-                Side::Tail => (step, 0.0, from + 1, n),
+                Side::Inside => (rate, rate, from + 1, to),
+                Side::Head => (0.0, rate, 0, to),
+                Side::Tail => (rate, 0.0, from + 1, n),
             };
-            expected[from][0] += left;
-            expected[to][1] += right;
-            // Inside from here on, up to there.
-            expected[first][2] += step;
-            expected[end][2] -= step;
+            arc_steps[way.kind(c.closed)][to - from] += rate;
+            steps[from][0] += left;
+            steps[to][1] += right;
+            steps[first][2] += rate;
+            steps[end][2] -= rate;
         }
         let mut inside = 0.0;
-        for e in &mut expected[..2 * n] {
-            inside += e[2];
-            e[2] = inside;
+        for step in &mut steps[..2 * n] {
+            inside += step[2];
+            step[2] = inside;
         }
         if c.closed {
             for i in 0..n {
-                (0..3).for_each(|r| expected[i][r] += expected[i + n][r]);
+                (0..3).for_each(|r| steps[i][r] += steps[i + n][r]);
             }
         }
-        for (at, steps) in ways.fan.at[..n].iter().zip(&expected) {
+        let against = 0.5 * rate * (if taken.is_none() { 1.0 } else { 0.0 } - (1.0 - ways.chance));
+        for (at, step) in ways.fan.at[..n].iter().zip(&mut steps) {
+            step[3] = 0.5 * against;
+            let growth = [growth(step[0]), growth(step[1]), growth(step[2]), growth(step[3])];
             let [kind, bend, age, run] = at.map(usize::from);
             for roles in [&mut self.kind[kind], &mut self.bend[bend], &mut self.age[age], &mut self.run[run]] {
-                roles.iter_mut().zip(steps).for_each(|(entry, step)| grow(entry, *step));
+                *roles = within(times(*roles, growth), ENTRY);
             }
         }
         for kind in if c.closed { 0..1 } else { 1..4 } {
-            let arcs = &arcs[kind][..n];
+            let steps = &arc_steps[kind][..n];
             let list = &mut self.arc[(kind * SIDES + n) * SIDES..][..n];
-            list.iter_mut().zip(arcs).for_each(|(entry, step)| grow(entry, *step));
-            grow(&mut self.seam[c.seam as usize][kind], arcs.iter().sum());
+            list.iter_mut().zip(steps).for_each(|(entry, step)| *entry = bounded(*entry * growth(*step)));
+            let entry = &mut self.seam[c.seam as usize][kind];
+            *entry = bounded(*entry * growth(steps.iter().sum()));
         }
-        let step = 0.5 * rate_now * (if taken.is_none() { 1.0 } else { 0.0 } - (1.0 - ways.chance));
-        for i in 0..NO {
-            grow(&mut self.no[i][ways.no[i]], step);
+        let against = growth(against);
+        for (table, &at) in self.no.iter_mut().zip(&ways.no) {
+            table[at] = bounded(table[at] * against);
         }
         if let Some(taken) = taken {
             self.learn_way(ways, taken);
@@ -497,15 +610,23 @@ impl WayModel {
 
     /// Learns which way was taken.
     fn learn_way(&mut self, ways: &Ways, taken: usize) {
-        let rate = rate(self.splits);
+        let rate = rate_after(self.splits);
         self.splits += 1.0;
-        let each = if ways.full_total > 0.0 { rate / ways.full_total } else { 0.0 };
-        for (w, (full, own)) in ways.full.iter().enumerate() {
-            let step = if taken == w { rate } else { 0.0 } - full * each;
-            let [angle, offset, chord] = own.map(usize::from);
-            grow(&mut self.angle[angle], step);
-            grow(&mut self.offset[offset], step);
-            grow(&mut self.chord[chord], step);
+        let total = ways.sums.last().copied().unwrap_or(0.0);
+        let each = if total > 0.0 { -rate / total } else { 0.0 };
+        let (mut angles, mut offsets, mut chords) = ([0.0; ANGLES], [0.0; OFFSETS], [0.0; OFFSETS]);
+        for (w, listed) in ways.ways.iter().enumerate() {
+            let step = listed.weight * each + if taken == w { rate } else { 0.0 };
+            let [angle, offset, chord] = listed.own.map(usize::from);
+            angles[angle] += step;
+            offsets[offset] += step;
+            chords[chord] += step;
         }
+        let grow = |entries: &mut [f32], steps: &[f32]| {
+            entries.iter_mut().zip(steps).for_each(|(entry, step)| *entry = bounded(*entry * growth(*step)));
+        };
+        grow(&mut self.angle, &angles);
+        grow(&mut self.offset, &offsets);
+        grow(&mut self.chord, &chords);
     }
 }

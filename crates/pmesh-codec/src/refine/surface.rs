@@ -96,7 +96,7 @@ impl Surface {
     /// Vertex at a corner.
     #[inline(always)]
     pub fn vertex(&self, c: u32) -> u32 {
-        self.triangles[c as usize / 3][c as usize % 3]
+        self.triangles.as_flattened()[c as usize]
     }
     /// Counter-clockwise from corner `c` about its vertex.
     #[inline(always)]
@@ -130,33 +130,41 @@ impl Surface {
         std::iter::successors(Some(first), after)
     }
 
-    /// Lists the corners of the fan about `v`, as [`Self::around`]; true if it is closed. Nothing for a vertex without triangles.
-    pub(crate) fn fan_of(&self, v: u32, out: &mut Vec<u32>) -> bool {
-        out.clear();
+    /// Lists the corners of the fan about `v`, as [`Self::around`], and the vertices about it; true if it is closed. Nothing for a
+    /// vertex without triangles.
+    pub(crate) fn fan_of(&self, v: u32, fan: &mut Vec<u32>, ring: &mut Vec<u32>) -> bool {
+        fan.clear();
+        ring.clear();
         let start = self.corner_of[v as usize];
         if start == NONE {
             return false;
         }
-        let mut c = start;
+        let (vertices, mut c) = (self.triangles.as_flattened(), start);
         loop {
-            out.push(c);
-            c = self.turn(c);
+            fan.push(c);
+            ring.push(vertices[next(c) as usize]);
+            let last = previous(c);
+            c = self.across[last as usize];
             if c == start {
                 return true;
             }
             if c == NONE {
+                ring.push(vertices[last as usize]);
                 break;
             }
         }
         // A boundary: what lies clockwise of the start comes first.
-        let after = out.len();
+        let (corners, after) = (fan.len(), ring.len());
         c = self.turn_back(start);
         while c != NONE {
-            out.push(c);
+            fan.push(c);
+            ring.push(vertices[next(c) as usize]);
             c = self.turn_back(c);
         }
-        out[after..].reverse();
-        out.rotate_left(after);
+        for (list, after) in [(fan, corners), (ring, after)] {
+            list[after..].reverse();
+            list.rotate_left(after);
+        }
         false
     }
 
