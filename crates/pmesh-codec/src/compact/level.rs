@@ -222,12 +222,10 @@ impl LevelCoder {
                 model.ways.learn(&self.center, &self.ways, None);
                 break;
             }
-            model.ways.list(&self.center, &mut self.ways);
-            let index = |w: &(Way, Split)| self.ways.ways.iter().position(|l| l.way == w.0).ok_or("a split that is no way");
-            let taken = model.ways.choose(coder, &self.ways, wanted.as_ref().map_or(Ok(0), index)?);
+            let way = model.ways.choose(coder, &self.center, &mut self.ways, wanted.as_ref().map(|w| w.0));
             self.spent.ways += coder.position() - flagged;
-            model.ways.learn(&self.center, &self.ways, Some(taken));
-            let way = self.ways.ways[taken].way;
+            let way = way.ok_or("a split where none can be")?;
+            model.ways.learn(&self.center, &self.ways, Some(way));
             let v = self.split(surface, memory, p, way, part);
             let mesh_vertex = wanted.map(|w| w.1.vertex);
             let own = truth.as_deref().zip(mesh_vertex).map(|(t, w)| t.rows.row(w));

@@ -24,7 +24,7 @@ const RUNS: usize = STATES * STATES * STATES;
 const ANGLES: usize = 25;
 const OFFSETS: usize = 14;
 /// A chance of a split below which none is no news.
-const CLEAR: f32 = 0.04;
+const CLEAR: f32 = 0.2;
 /// Things that speak against a split.
 const NO: usize = 6;
 const SIDES: usize = VALENCE_LIMIT + 2;
@@ -201,17 +201,29 @@ pub(super) struct Ways {
     pub(super) fresh: usize,
     /// Neighbours that are not new, from the first on at which an arc may begin.
     pub(super) free: usize,
-    /// Once there is a split: its ways, and the sums of their weights.
-    pub(super) ways: Vec<Listed>,
-    sums: Vec<f32>,
+    /// Sums of weights by where arcs begin; then those along the boundary.
+    rows: Vec<f32>,
+    /// Once there is a split, of its row: the ways, their weights, their entries for angle, offset and chord.
+    ways: Vec<Way>,
+    weights: Vec<f32>,
+    own: Vec<[u8; 3]>,
 }
 
-/// A way, its entries for angle, offset and chord, and its weight.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Listed {
-    pub(super) way: Way,
-    own: [u8; 3],
-    weight: f32,
+/// Codes a choice by halves, chances in proportion to the weights.
+fn by_halves(coder: &mut impl Coder, weights: &[f32], truth: usize) -> usize {
+    let (mut low, mut high) = (0, weights.len());
+    while high - low > 1 {
+        let middle = low + (high - low) / 2;
+        let left: f32 = weights[low..middle].iter().sum();
+        let right: f32 = weights[middle..high].iter().sum();
+        let yes = if left + right > 0.0 { right / (left + right) } else { 0.5 };
+        if coder.choose(chance_of_no(yes), truth >= middle) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    low
 }
 
 /// The tables.
@@ -361,6 +373,8 @@ impl WayModel {
         let kind = usize::from(!c.closed);
         let arcs = self.arcs(kind, n);
         let mut total = 0.0;
+        out.rows.clear();
+        out.rows.resize(n + 2, 0.0);
         out.any = false;
         out.free = free[c.first.min(n)..n].iter().filter(|f| **f).count();
         for from in c.first..n {
@@ -370,13 +384,15 @@ impl WayModel {
             let mut inner = factors[from][0];
             // A closed fan keeps a triangle.
             let end = if c.closed { from + n } else { n };
+            let mut row = 0.0;
             for (f, arc) in factors[from + 1..end].iter().zip(&arcs[1..]) {
-                total += inner * f[1] * arc;
+                row += inner * f[1] * arc;
                 inner = smaller(inner * f[2], ARC);
             }
+            out.rows[from] = row * seam[kind];
+            total += out.rows[from];
             out.any |= from + 1 < end && free[from + 1];
         }
-        total *= seam[kind];
         if !c.closed {
             // Along the boundary.
             if c.first == 0 {
@@ -385,14 +401,15 @@ impl WayModel {
                     heads += inner * f[1] * arc;
                     inner = smaller(inner * f[2], ARC);
                 }
-                total += heads * seam[2];
+                out.rows[n] = heads * seam[2];
             }
             let (mut inner, mut tails) = (1.0, 0.0);
             for (f, arc) in factors[c.first.min(n)..n].iter().rev().zip(self.arcs(3, n)) {
                 tails += inner * f[0] * arc;
                 inner = smaller(inner * f[2], ARC);
             }
-            total += tails * seam[3];
+            out.rows[n + 1] = tails * seam[3];
+            total += out.rows[n] + out.rows[n + 1];
             out.any |= c.first == 0 && free[0] || c.first < n && free[n - 1];
         }
         out.total = total;
@@ -402,108 +419,95 @@ impl WayModel {
         out.opinion = ln(larger(total / no, 1e-9)).clamp(-8.0, 8.0);
     }
 
+    /// Codes which way a vertex splits: where the arc begins, then which arc it is of those.
+    pub(super) fn choose(&mut self, coder: &mut impl Coder, c: &Center, out: &mut Ways, truth: Option<Way>) -> Option<Way> {
+        let n = c.count;
+        let row = truth.map_or(0, |w| match w.side {
+            Side::Inside => usize::from(w.from),
+            Side::Head => n,
+            Side::Tail => n + 1,
+        });
+        let row = by_halves(coder, &out.rows[..if c.closed { n } else { n + 2 }], row);
+        self.list(c, out, row);
+        let index = truth.and_then(|t| out.ways.iter().position(|w| *w == t)).unwrap_or(0);
+        let taken = by_halves(coder, &out.weights, index);
+        self.learn_way(out, taken);
+        // A row without a way has next to no chance, and no encoder takes it.
+        out.ways.get(taken).copied()
+    }
+
+    /// Lists the arcs that begin at a neighbour, or that lie along the boundary. O(neighbours).
+    fn list(&self, c: &Center, out: &mut Ways, row: usize) {
+        let n = c.count;
+        let triangles = if c.closed { n } else { n - 1 };
+        let Fan { arms, squares, factors, free, .. } = &*out.fan;
+        let mut angles = [0.0; SIDES];
+        let mut all = 0.0;
+        for i in 0..triangles {
+            angles[i] = arccos(dot(arms[i], arms[i + 1]) / larger((squares[i] * squares[i + 1]).sqrt(), 1e-12));
+            all += angles[i];
+        }
+        let per_angle = (ANGLES - 1) as f32 / larger(all, 1e-6);
+        out.ways.clear();
+        out.weights.clear();
+        out.own.clear();
+        let (side, kind) = match row {
+            _ if row == n => (Side::Head, 2),
+            _ if row > n => (Side::Tail, 3),
+            _ => (Side::Inside, usize::from(!c.closed)),
+        };
+        let arcs = self.arcs(kind, n);
+        let (first, mut inner, mut middle) = match side {
+            Side::Inside => (arms[row], factors[row][0], arms[row]),
+            _ => ([0.0; 3], 1.0, [0.0; 3]),
+        };
+        let mut angle = 0.0;
+        // Neighbours in the order in which the arc takes them in.
+        let steps = match side {
+            Side::Inside => 1..if c.closed { n } else { n - row },
+            Side::Head => 0..n,
+            Side::Tail => 0..n - c.first,
+        };
+        for moved in steps {
+            let (at, gap) = match side {
+                Side::Inside => ((row + moved) % n, Some((row + moved - 1) % n)),
+                Side::Head => (moved, moved.checked_sub(1)),
+                Side::Tail => (n - 1 - moved, Some(n - 1 - moved).filter(|_| moved > 0)),
+            };
+            if !free[at] {
+                break;
+            }
+            angle += gap.map_or(0.0, |g| angles[g]);
+            middle = add(middle, arms[at]);
+            let chord = if side == Side::Inside { sub(first, arms[at]) } else { [0.0; 3] };
+            let own = [
+                class(per_angle * angle, ANGLES),
+                octaves(dot(middle, middle) * (SHARES[moved] * SHARES[moved]), 1, 5, OFFSETS),
+                octaves(dot(chord, chord), 1, 4, OFFSETS),
+            ];
+            let end = factors[at][if side == Side::Tail { 0 } else { 1 }];
+            let (from, to) = match side {
+                Side::Inside => (row, row + moved),
+                Side::Head => (0, moved),
+                Side::Tail => (at, n - 1),
+            };
+            out.ways.push(Way { side, from: from as u8, to: to as u8 });
+            // Scaled down, so that no product overflows.
+            let own_weight = self.angle[own[0]] * (self.offset[own[1]] * self.chord[own[2]] * 1e-9);
+            out.weights.push(inner * end * arcs[moved] * own_weight);
+            out.own.push(own.map(|x| x as u8));
+            inner = smaller(inner * factors[at][2], ARC);
+        }
+    }
+
     /// Entries of arcs by their triangles, in a fan of so many neighbours.
     #[inline(always)]
     fn arcs(&self, kind: usize, n: usize) -> &[f32] {
         &self.arc[(kind * SIDES + n) * SIDES..][..n]
     }
 
-    /// Lists the ways of a vertex that splits. O(neighbours²).
-    pub(super) fn list(&self, c: &Center, out: &mut Ways) {
-        let n = c.count;
-        let triangles = if c.closed { n } else { n - 1 };
-        let Fan { arms, squares, factors, free, .. } = &mut *out.fan;
-        let mut angles = [0.0; TWICE];
-        let mut all = 0.0;
-        for i in 0..triangles {
-            angles[i] = arccos(dot(arms[i], arms[i + 1]) / larger((squares[i] * squares[i + 1]).sqrt(), 1e-12));
-            all += angles[i];
-        }
-        if c.closed {
-            arms.copy_within(0..n, n);
-            angles.copy_within(0..n, n);
-        }
-        let per_angle = (ANGLES - 1) as f32 / larger(all, 1e-6);
-        out.ways.clear();
-        out.sums.clear();
-        let mut sum = 0.0;
-        // Scaled down, so that no product overflows.
-        let seam = self.seam[c.seam as usize].map(|s| 1e-9 * s);
-        let mut push = |side: Side, kind: usize, (from, to): (usize, usize), weight: f32, (angle, middle, chord): (f32, f32, f32)| {
-            let moved = to - from;
-            let own = [
-                class(per_angle * angle, ANGLES),
-                octaves(middle * (SHARES[moved] * SHARES[moved]), 1, 5, OFFSETS),
-                octaves(chord, 1, 4, OFFSETS),
-            ];
-            let own_weight = self.angle[own[0]] * (self.offset[own[1]] * self.chord[own[2]] * seam[kind]);
-            let weight = weight * self.arcs(kind, n)[moved] * own_weight;
-            sum += weight;
-            out.ways.push(Listed { way: Way { side, from: from as u8, to: to as u8 }, own: own.map(|x| x as u8), weight });
-            out.sums.push(sum);
-        };
-        let inside = usize::from(!c.closed);
-        for from in c.first..n {
-            if !free[from] {
-                continue;
-            }
-            let (mut inner, mut angle, mut middle) = (factors[from][0], 0.0, arms[from]);
-            let end = if c.closed { from + n } else { n };
-            for to in from + 1..end {
-                if !free[to] {
-                    break;
-                }
-                angle += angles[to - 1];
-                middle = add(middle, arms[to]);
-                let chord = sub(arms[from], arms[to]);
-                push(Side::Inside, inside, (from, to), inner * factors[to][1], (angle, dot(middle, middle), dot(chord, chord)));
-                inner = smaller(inner * factors[to][2], ARC);
-            }
-        }
-        if c.closed {
-            return;
-        }
-        let (mut inner, mut angle, mut middle) = (1.0, 0.0, [0.0; 3]);
-        for to in 0..n {
-            if c.first > 0 || !free[to] {
-                break;
-            }
-            angle += if to > 0 { angles[to - 1] } else { 0.0 };
-            middle = add(middle, arms[to]);
-            push(Side::Head, 2, (0, to), inner * factors[to][1], (angle, dot(middle, middle), 0.0));
-            inner = smaller(inner * factors[to][2], ARC);
-        }
-        let (mut inner, mut angle, mut middle) = (1.0, 0.0, [0.0; 3]);
-        for from in (c.first..n).rev() {
-            if !free[from] {
-                break;
-            }
-            angle += if from + 1 < n { angles[from] } else { 0.0 };
-            middle = add(middle, arms[from]);
-            push(Side::Tail, 3, (from, n - 1), inner * factors[from][0], (angle, dot(middle, middle), 0.0));
-            inner = smaller(inner * factors[from][2], ARC);
-        }
-    }
-
-    /// Codes which of the ways it is, by halves.
-    pub(super) fn choose(&self, coder: &mut impl Coder, ways: &Ways, truth: usize) -> usize {
-        let (mut low, mut high) = (0, ways.ways.len());
-        let before = |i: usize| if i == 0 { 0.0 } else { ways.sums[i - 1] };
-        while high - low > 1 {
-            let middle = low + (high - low) / 2;
-            let (all, right) = (before(high) - before(low), before(high) - before(middle));
-            let yes = if all > 0.0 { right / all } else { 0.5 };
-            if coder.choose(chance_of_no(yes), truth >= middle) {
-                low = middle;
-            } else {
-                high = middle;
-            }
-        }
-        low
-    }
-
     /// Learns what happened: the way taken, or no split.
-    pub(super) fn learn(&mut self, c: &Center, ways: &Ways, taken: Option<usize>) {
+    pub(super) fn learn(&mut self, c: &Center, ways: &Ways, taken: Option<Way>) {
         // What was clear beforehand teaches little.
         if taken.is_none() && ways.chance < CLEAR {
             return;
@@ -559,8 +563,7 @@ impl WayModel {
                 steps[n][2] -= weight;
             }
         }
-        if let Some(taken) = taken {
-            let way = ways.ways[taken].way;
+        if let Some(way) = taken {
             let (from, to) = way.range();
             let (left, right, first, end) = match way.side {
                 Side::Inside => (rate, rate, from + 1, to),
@@ -603,30 +606,20 @@ impl WayModel {
         for (table, &at) in self.no.iter_mut().zip(&ways.no) {
             table[at] = bounded(table[at] * against);
         }
-        if let Some(taken) = taken {
-            self.learn_way(ways, taken);
-        }
     }
 
     /// Learns which way was taken.
     fn learn_way(&mut self, ways: &Ways, taken: usize) {
         let rate = rate_after(self.splits);
         self.splits += 1.0;
-        let total = ways.sums.last().copied().unwrap_or(0.0);
+        let total: f32 = ways.weights.iter().sum();
         let each = if total > 0.0 { -rate / total } else { 0.0 };
-        let (mut angles, mut offsets, mut chords) = ([0.0; ANGLES], [0.0; OFFSETS], [0.0; OFFSETS]);
-        for (w, listed) in ways.ways.iter().enumerate() {
-            let step = listed.weight * each + if taken == w { rate } else { 0.0 };
-            let [angle, offset, chord] = listed.own.map(usize::from);
-            angles[angle] += step;
-            offsets[offset] += step;
-            chords[chord] += step;
+        for (w, (weight, own)) in ways.weights.iter().zip(&ways.own).enumerate() {
+            let growth = growth(weight * each + if taken == w { rate } else { 0.0 });
+            for (entries, &at) in [&mut self.angle[..], &mut self.offset, &mut self.chord].into_iter().zip(own) {
+                let entry = &mut entries[usize::from(at)];
+                *entry = bounded(*entry * growth);
+            }
         }
-        let grow = |entries: &mut [f32], steps: &[f32]| {
-            entries.iter_mut().zip(steps).for_each(|(entry, step)| *entry = bounded(*entry * growth(*step)));
-        };
-        grow(&mut self.angle, &angles);
-        grow(&mut self.offset, &offsets);
-        grow(&mut self.chord, &chords);
     }
 }
