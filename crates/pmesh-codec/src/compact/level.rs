@@ -20,6 +20,7 @@ const FLAGS: usize = 7;
 /// What goes on being learnt from level to level.
 pub(super) struct LevelModel {
     flag: Mixer<FLAGS>,
+    again: Mixer<5>,
     ways: WayModel,
     pub(super) place: PlaceModel,
     pub(super) attributes: Vec<SignedModel>,
@@ -33,6 +34,7 @@ impl LevelModel {
         let sizes = [BINS * BINS * 12, 16 * 16 * 3, BINS * 8 * 3, 6 * 16 * 6, 18 * 6 * 4, BINS * 5 * 6, 18 * 8 * 6];
         Self {
             flag: Mixer::new(sizes, 3 * 4, 0.5 / 3.0, 0.5),
+            again: Mixer::new([18 * 18 * 4, 16 * 18 * 4, 6 * 16 * 6, 18 * 18 * 4, 16 * 8 * 18], 1, 0.3, 0.0),
             ways: WayModel::new(),
             place: PlaceModel::new(),
             attributes: (3..width).map(|_| SignedModel::default()).collect(),
@@ -200,12 +202,42 @@ impl LevelCoder {
         let p = self.at as u32;
         let mut last = NONE;
         let mut splits = 0;
-        let mut own_edge = memory.sites[p as usize].edge;
-        while memory.count() < self.end && self.gather(surface, memory, p, last, splits, model.levels) {
+        let mut moved = 0;
+        while memory.count() < self.end {
+            let wanted = match truth.as_deref_mut() {
+                Some(t) if C::ENCODES => t.splits[p as usize].len(),
+                _ => 0,
+            };
+            let before = coder.position();
+            if splits > 0 {
+                // Mostly not; so the neighbours are not asked.
+                let site = &memory.sites[p as usize];
+                let valence = usize::from(site.valence).min(17);
+                let w = &self.ways;
+                let bin = ((w.opinion * 1.5 + 8.0) as i32).clamp(0, BINS as i32 - 1) as usize;
+                let ages = self.center.age.min(5);
+                let at = [
+                    (valence * 18 + moved) * 4 + splits.min(3),
+                    (bin * 4 + splits.min(3)) * 18 + self.center.count.min(17),
+                    (ages * 16 + w.mean_length) * 6 + w.fresh.min(5),
+                    (w.free.min(17) * 18 + moved) * 4 + splits.min(3),
+                    (bin * 8 + model.levels.min(7)) * 18 + moved,
+                ];
+                let again = model.again.code(coder, 0, at, 0.0, wanted > 0);
+                self.spent.flags += coder.position() - before;
+                if !again {
+                    break;
+                }
+            }
+            if !self.gather(surface, memory, p, last, splits, model.levels) {
+                break;
+            }
             model.ways.weigh(&self.center, &mut self.ways);
             let site = &mut memory.sites[p as usize];
             (site.edge, site.normal) = (self.ways.edge, self.ways.normal);
-            own_edge = site.edge;
+            if splits == 0 {
+                self.edges += f64::from(site.edge);
+            }
             if !self.ways.any {
                 break;
             }
@@ -213,15 +245,17 @@ impl LevelCoder {
                 Some(t) if C::ENCODES => self.wanted(&mut t.splits[p as usize])?,
                 _ => None,
             };
-            let (set, at) = self.contexts(model.levels);
             let before = coder.position();
-            let split = model.flag.code(coder, set, at, self.ways.opinion, wanted.is_some());
-            let flagged = coder.position();
-            self.spent.flags += flagged - before;
-            if !split {
-                model.ways.learn(&self.center, &self.ways, None);
-                break;
+            if splits == 0 {
+                let (set, at) = self.contexts(model.levels);
+                let split = model.flag.code(coder, set, at, self.ways.opinion, wanted.is_some());
+                self.spent.flags += coder.position() - before;
+                if !split {
+                    model.ways.learn(&self.center, &self.ways, None);
+                    break;
+                }
             }
+            let flagged = coder.position();
             let way = model.ways.choose(coder, &self.center, &mut self.ways, wanted.as_ref().map(|w| w.0));
             self.spent.ways += coder.position() - flagged;
             let way = way.ok_or("a split where none can be")?;
@@ -241,8 +275,9 @@ impl LevelCoder {
             part.representatives.push((v, p));
             last = v;
             splits += 1;
+            let (from, to) = way.range();
+            moved = (to - from).min(17);
         }
-        self.edges += f64::from(own_edge);
         Ok(())
     }
 
