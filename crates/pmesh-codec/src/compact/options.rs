@@ -201,29 +201,35 @@ pub(super) struct Ways {
     pub(super) fresh: usize,
     /// Neighbours that are not new, from the first on at which an arc may begin.
     pub(super) free: usize,
-    /// Sums of weights by where arcs begin; then those along the boundary.
-    rows: Vec<f32>,
-    /// Once there is a split, of its row: the ways, their weights, their entries for angle, offset and chord.
-    ways: Vec<Way>,
-    weights: Vec<f32>,
-    own: Vec<[u8; 3]>,
+    /// Once there is a split: its ways.
+    ways: Vec<Listed>,
 }
 
-/// Codes a choice by halves, chances in proportion to the weights.
-fn by_halves(coder: &mut impl Coder, weights: &[f32], truth: usize) -> usize {
-    let (mut low, mut high) = (0, weights.len());
-    while high - low > 1 {
-        let middle = low + (high - low) / 2;
-        let left: f32 = weights[low..middle].iter().sum();
-        let right: f32 = weights[middle..high].iter().sum();
-        let yes = if left + right > 0.0 { right / (left + right) } else { 0.5 };
-        if coder.choose(chance_of_no(yes), truth >= middle) {
-            low = middle;
-        } else {
-            high = middle;
+/// A way, its entries for angle, offset and chord, and its weight.
+#[derive(Clone, Copy, Debug)]
+struct Listed {
+    way: Way,
+    own: [u8; 3],
+    weight: f32,
+}
+
+impl Ways {
+    /// Codes which of the ways it is, by halves, chances in proportion to the weights.
+    fn by_halves(&self, coder: &mut impl Coder, truth: usize) -> usize {
+        let (mut low, mut high) = (0, self.ways.len());
+        while high - low > 1 {
+            let middle = low + (high - low) / 2;
+            let left: f32 = self.ways[low..middle].iter().map(|w| w.weight).sum();
+            let right: f32 = self.ways[middle..high].iter().map(|w| w.weight).sum();
+            let yes = if left + right > 0.0 { right / (left + right) } else { 0.5 };
+            if coder.choose(chance_of_no(yes), truth >= middle) {
+                low = middle;
+            } else {
+                high = middle;
+            }
         }
+        low
     }
-    low
 }
 
 /// The tables.
@@ -373,8 +379,6 @@ impl WayModel {
         let kind = usize::from(!c.closed);
         let arcs = self.arcs(kind, n);
         let mut total = 0.0;
-        out.rows.clear();
-        out.rows.resize(n + 2, 0.0);
         out.any = false;
         out.free = free[c.first.min(n)..n].iter().filter(|f| **f).count();
         for from in c.first..n {
@@ -389,8 +393,7 @@ impl WayModel {
                 row += inner * f[1] * arc;
                 inner = smaller(inner * f[2], ARC);
             }
-            out.rows[from] = row * seam[kind];
-            total += out.rows[from];
+            total += row * seam[kind];
             out.any |= from + 1 < end && free[from + 1];
         }
         if !c.closed {
@@ -401,15 +404,14 @@ impl WayModel {
                     heads += inner * f[1] * arc;
                     inner = smaller(inner * f[2], ARC);
                 }
-                out.rows[n] = heads * seam[2];
+                total += heads * seam[2];
             }
             let (mut inner, mut tails) = (1.0, 0.0);
             for (f, arc) in factors[c.first.min(n)..n].iter().rev().zip(self.arcs(3, n)) {
                 tails += inner * f[0] * arc;
                 inner = smaller(inner * f[2], ARC);
             }
-            out.rows[n + 1] = tails * seam[3];
-            total += out.rows[n] + out.rows[n + 1];
+            total += tails * seam[3];
             out.any |= c.first == 0 && free[0] || c.first < n && free[n - 1];
         }
         out.total = total;
@@ -419,84 +421,88 @@ impl WayModel {
         out.opinion = ln(larger(total / no, 1e-9)).clamp(-8.0, 8.0);
     }
 
-    /// Codes which way a vertex splits: where the arc begins, then which arc it is of those.
+    /// Codes which way a vertex splits; `None` if there is none, which no encoder takes.
     pub(super) fn choose(&mut self, coder: &mut impl Coder, c: &Center, out: &mut Ways, truth: Option<Way>) -> Option<Way> {
-        let n = c.count;
-        let row = truth.map_or(0, |w| match w.side {
-            Side::Inside => usize::from(w.from),
-            Side::Head => n,
-            Side::Tail => n + 1,
-        });
-        let row = by_halves(coder, &out.rows[..if c.closed { n } else { n + 2 }], row);
-        self.list(c, out, row);
-        let index = truth.and_then(|t| out.ways.iter().position(|w| *w == t)).unwrap_or(0);
-        let taken = by_halves(coder, &out.weights, index);
+        self.list(c, out);
+        let index = truth.and_then(|t| out.ways.iter().position(|w| w.way == t)).unwrap_or(0);
+        let taken = out.by_halves(coder, index);
         self.learn_way(out, taken);
-        // A row without a way has next to no chance, and no encoder takes it.
-        out.ways.get(taken).copied()
+        out.ways.get(taken).map(|w| w.way)
     }
 
-    /// Lists the arcs that begin at a neighbour, or that lie along the boundary. O(neighbours).
-    fn list(&self, c: &Center, out: &mut Ways, row: usize) {
+    /// Lists all ways with their weights. O(neighbours²).
+    fn list(&self, c: &Center, out: &mut Ways) {
         let n = c.count;
         let triangles = if c.closed { n } else { n - 1 };
-        let Fan { arms, squares, factors, free, .. } = &*out.fan;
-        let mut angles = [0.0; SIDES];
+        let Fan { arms, squares, factors, free, .. } = &mut *out.fan;
+        let mut angles = [0.0; TWICE];
         let mut all = 0.0;
         for i in 0..triangles {
             angles[i] = arccos(dot(arms[i], arms[i + 1]) / larger((squares[i] * squares[i + 1]).sqrt(), 1e-12));
             all += angles[i];
         }
         let per_angle = (ANGLES - 1) as f32 / larger(all, 1e-6);
+        angles[..triangles].iter_mut().for_each(|a| *a *= per_angle);
+        if c.closed {
+            arms.copy_within(0..n, n);
+            angles.copy_within(0..n, n);
+        }
         out.ways.clear();
-        out.weights.clear();
-        out.own.clear();
-        let (side, kind) = match row {
-            _ if row == n => (Side::Head, 2),
-            _ if row > n => (Side::Tail, 3),
-            _ => (Side::Inside, usize::from(!c.closed)),
+        // Scaled down, so that no product overflows.
+        let seam = self.seam[c.seam as usize].map(|s| 1e-9 * s);
+        let listed = |way: (Side, usize, usize), weight: f32, angle: f32, middle: Vector<f32>, chord: f32| {
+            let (side, from, to) = way;
+            let share = SHARES[to - from];
+            let (angle, offset) = (class(angle, ANGLES), octaves(dot(middle, middle) * (share * share), 1, 5, OFFSETS));
+            let chord = octaves(chord, 1, 4, OFFSETS);
+            let weight = weight * self.angle[angle] * (self.offset[offset] * self.chord[chord]);
+            Listed { way: Way { side, from: from as u8, to: to as u8 }, own: [angle as u8, offset as u8, chord as u8], weight }
         };
+        let kind = usize::from(!c.closed);
         let arcs = self.arcs(kind, n);
-        let (first, mut inner, mut middle) = match side {
-            Side::Inside => (arms[row], factors[row][0], arms[row]),
-            _ => ([0.0; 3], 1.0, [0.0; 3]),
-        };
-        let mut angle = 0.0;
-        // Neighbours in the order in which the arc takes them in.
-        let steps = match side {
-            Side::Inside => 1..if c.closed { n } else { n - row },
-            Side::Head => 0..n,
-            Side::Tail => 0..n - c.first,
-        };
-        for moved in steps {
-            let (at, gap) = match side {
-                Side::Inside => ((row + moved) % n, Some((row + moved - 1) % n)),
-                Side::Head => (moved, moved.checked_sub(1)),
-                Side::Tail => (n - 1 - moved, Some(n - 1 - moved).filter(|_| moved > 0)),
-            };
-            if !free[at] {
+        for from in c.first..n {
+            if !free[from] {
+                continue;
+            }
+            let start = arms[from];
+            let (mut inner, mut angle, mut middle) = (factors[from][0], 0.0, start);
+            let end = if c.closed { from + n } else { n };
+            for to in from + 1..end {
+                if !free[to] {
+                    break;
+                }
+                angle += angles[to - 1];
+                middle = add(middle, arms[to]);
+                let chord = sub(start, arms[to]);
+                let weight = inner * factors[to][1] * (arcs[to - from] * seam[kind]);
+                out.ways.push(listed((Side::Inside, from, to), weight, angle, middle, dot(chord, chord)));
+                inner = smaller(inner * factors[to][2], ARC);
+            }
+        }
+        if c.closed {
+            return;
+        }
+        let (mut inner, mut angle, mut middle) = (1.0, 0.0, [0.0; 3]);
+        for to in 0..if c.first == 0 { n } else { 0 } {
+            if !free[to] {
                 break;
             }
-            angle += gap.map_or(0.0, |g| angles[g]);
-            middle = add(middle, arms[at]);
-            let chord = if side == Side::Inside { sub(first, arms[at]) } else { [0.0; 3] };
-            let own = [
-                class(per_angle * angle, ANGLES),
-                octaves(dot(middle, middle) * (SHARES[moved] * SHARES[moved]), 1, 5, OFFSETS),
-                octaves(dot(chord, chord), 1, 4, OFFSETS),
-            ];
-            let end = factors[at][if side == Side::Tail { 0 } else { 1 }];
-            let (from, to) = match side {
-                Side::Inside => (row, row + moved),
-                Side::Head => (0, moved),
-                Side::Tail => (at, n - 1),
-            };
-            out.ways.push(Way { side, from: from as u8, to: to as u8 });
-            // Scaled down, so that no product overflows.
-            let own_weight = self.angle[own[0]] * (self.offset[own[1]] * self.chord[own[2]] * 1e-9);
-            out.weights.push(inner * end * arcs[moved] * own_weight);
-            out.own.push(own.map(|x| x as u8));
-            inner = smaller(inner * factors[at][2], ARC);
+            angle += if to > 0 { angles[to - 1] } else { 0.0 };
+            middle = add(middle, arms[to]);
+            let weight = inner * factors[to][1] * (self.arcs(2, n)[to] * seam[2]);
+            out.ways.push(listed((Side::Head, 0, to), weight, angle, middle, 0.0));
+            inner = smaller(inner * factors[to][2], ARC);
+        }
+        let (mut inner, mut angle, mut middle) = (1.0, 0.0, [0.0; 3]);
+        for from in (c.first..n).rev() {
+            if !free[from] {
+                break;
+            }
+            angle += if from + 1 < n { angles[from] } else { 0.0 };
+            middle = add(middle, arms[from]);
+            let weight = inner * factors[from][0] * (self.arcs(3, n)[n - 1 - from] * seam[3]);
+            out.ways.push(listed((Side::Tail, from, n - 1), weight, angle, middle, 0.0));
+            inner = smaller(inner * factors[from][2], ARC);
         }
     }
 
@@ -612,10 +618,15 @@ impl WayModel {
     fn learn_way(&mut self, ways: &Ways, taken: usize) {
         let rate = rate_after(self.splits);
         self.splits += 1.0;
-        let total: f32 = ways.weights.iter().sum();
+        let total: f32 = ways.ways.iter().map(|w| w.weight).sum();
         let each = if total > 0.0 { -rate / total } else { 0.0 };
-        for (w, (weight, own)) in ways.weights.iter().zip(&ways.own).enumerate() {
-            let growth = growth(weight * each + if taken == w { rate } else { 0.0 });
+        for (w, Listed { own, weight, .. }) in ways.ways.iter().enumerate() {
+            let step = weight * each + if taken == w { rate } else { 0.0 };
+            // What was next to impossible anyway stays as it is.
+            if step > -0.005 * rate && taken != w {
+                continue;
+            }
+            let growth = growth(step);
             for (entries, &at) in [&mut self.angle[..], &mut self.offset, &mut self.chord].into_iter().zip(own) {
                 let entry = &mut entries[usize::from(at)];
                 *entry = bounded(*entry * growth);
