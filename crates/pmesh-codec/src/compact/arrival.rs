@@ -89,7 +89,7 @@ impl LevelCoder {
             let site = &memory.sites[r as usize];
             star.valences.push(f64::from(site.valence));
             star.normals.push(site.normal.map(f64::from));
-            star.exact += usize::from(site.exact);
+            star.exact += usize::from(site.is_exact());
             let miss = memory.misses[r as usize];
             star.misses = [0, 1].map(|i| star.misses[i] + share * f64::from(miss[i]));
         }
@@ -101,7 +101,7 @@ impl LevelCoder {
             Some(w) => {
                 rows.seams.push((v, memory.first(w)));
                 let row = rows.row(w);
-                ([row[0], row[1], row[2]], memory.misses[w as usize].map(f64::from), memory.sites[w as usize].exact)
+                ([row[0], row[1], row[2]], memory.misses[w as usize].map(f64::from), memory.sites[w as usize].is_exact())
             }
         };
         rows.values.extend(place);
@@ -127,8 +127,10 @@ impl LevelCoder {
             normal: star.normal().map(|x| x as f32),
             valence: self.valence,
             birth: model.levels.min(255) as u8,
-            exact,
+            marks: u8::from(exact),
         });
+        let after = std::mem::replace(&mut memory.next[p as usize], v);
+        memory.next.push(after);
     }
 }
 

@@ -15,7 +15,7 @@ use std::collections::HashMap;
 
 /// Values of the contexts of "does it split?".
 const BINS: usize = 16;
-const FLAGS: usize = 7;
+const FLAGS: usize = 3;
 
 /// What goes on being learnt from level to level.
 pub(super) struct LevelModel {
@@ -31,9 +31,9 @@ pub(super) struct LevelModel {
 
 impl LevelModel {
     pub(super) fn new(width: usize) -> Self {
-        let sizes = [BINS * BINS * 12, 16 * 16 * 3, BINS * 8 * 3, 6 * 16 * 6, 18 * 6 * 4, BINS * 5 * 6, 18 * 8 * 6];
+        let sizes = [BINS * BINS * 4, BINS * 8 * 6, 6 * 16 * 5];
         Self {
-            flag: Mixer::new(sizes, 3 * 4, 0.5 / 3.0, 0.5),
+            flag: Mixer::new(sizes, 4, 0.5 / 3.0, 0.7),
             again: Mixer::new([18 * 18 * 4, 16 * 18 * 4, 6 * 16 * 6, 18 * 18 * 4, 16 * 8 * 18], 1, 0.3, 0.0),
             ways: WayModel::new(),
             place: PlaceModel::new(),
@@ -83,7 +83,9 @@ pub(super) struct LevelCoder {
     /// Vertices before the level, and after.
     start: usize,
     end: usize,
-    at: usize,
+    /// The vertex that is asked next, and how many were.
+    at: u32,
+    asked: usize,
     /// Triangles and vertices of the base that have been looked at.
     counted: usize,
     looked: usize,
@@ -113,6 +115,7 @@ impl LevelCoder {
             start: usize::MAX,
             end: new_vertices as usize,
             at: 0,
+            asked: 0,
             counted: 0,
             looked: 0,
             mean_edge: 0.0,
@@ -148,6 +151,7 @@ impl LevelCoder {
             self.looked = memory.count();
             if self.looked == 0 {
                 memory.sites.resize(self.start, Site::default());
+                memory.next = (1..=self.start as u32).collect();
                 memory.misses.resize(self.start, [0.03, 0.08]);
             }
         }
@@ -168,9 +172,10 @@ impl LevelCoder {
             return Ok(false);
         }
         self.mean_edge = memory.mean_edge;
-        let stop = self.at.saturating_add(limit).min(self.start);
-        while self.at < stop && coder.has(self.reach) {
+        let stop = self.asked.saturating_add(limit).min(self.start);
+        while self.asked < stop && coder.has(self.reach) {
             let before = coder.byte_position();
+            let next = memory.next[self.at as usize];
             self.vertex(coder, (model, memory), (surface, rows), truth.as_deref_mut(), part)?;
             let read = coder.byte_position() - before;
             if C::ENCODES {
@@ -178,9 +183,11 @@ impl LevelCoder {
             } else if read > self.reach {
                 return Err("a vertex takes more bytes than the level announces");
             }
-            self.at += 1;
+            memory.sites[self.at as usize].mark_asked(model.levels);
+            self.at = next;
+            self.asked += 1;
         }
-        if self.at < self.start {
+        if self.asked < self.start {
             return Ok(false);
         }
         if memory.count() != self.end {
@@ -199,7 +206,7 @@ impl LevelCoder {
         mut truth: Option<&mut LevelTruth>,
         part: &mut Level,
     ) -> Result<(), &'static str> {
-        let p = self.at as u32;
+        let p = self.at;
         let mut last = NONE;
         let mut splits = 0;
         let mut moved = 0;
@@ -325,7 +332,7 @@ impl LevelCoder {
                 position: site.position,
                 edge: site.edge,
                 valence: site.valence,
-                state: if n as usize >= self.start { 2 } else { u8::from(n < p) },
+                state: if n as usize >= self.start { 2 } else { u8::from(site.was_asked(level)) },
                 age: level.saturating_sub(site.birth.into()).min(255) as u8,
             });
         }
@@ -366,22 +373,17 @@ impl LevelCoder {
         let (w, c) = (&self.ways, &self.center);
         let n = c.count.min(17);
         let bin = ((w.opinion * 1.5 + 8.0) as i32).clamp(0, BINS as i32 - 1) as usize;
-        let again = c.splits.min(2);
         let seam = c.seam as usize;
         let fresh = w.fresh.min(5);
         let done = c.neighbours().iter().filter(|x| x.state > 0).count();
         let share = (4 * done / c.count.max(1)).min(4);
         let age = c.age.min(5);
         let at = [
-            ((n.min(15) * BINS + bin) * 3 + again) * 4 + seam,
-            (w.mean_length * 16 + w.most_length) * 3 + again,
-            (bin * 8 + level.min(7)) * 3 + again,
-            (age * 16 + w.mean_length) * 6 + fresh,
-            (n * 6 + fresh) * 4 + share.min(3),
-            (bin * 5 + share) * 6 + fresh,
-            (n * 8 + w.free.min(7)) * 6 + fresh,
+            (n.min(15) * BINS + bin) * 4 + seam,
+            (bin * 8 + level.min(7)) * 6 + fresh,
+            (age * 16 + w.mean_length) * 5 + share,
         ];
-        (again * 4 + seam, at)
+        (seam, at)
     }
 
     /// Splits `p`; gives the new vertex.

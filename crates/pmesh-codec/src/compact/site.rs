@@ -17,14 +17,31 @@ pub(super) struct Site {
     pub(super) valence: u16,
     /// Its level, at most 255.
     pub(super) birth: u8,
+    /// Twice the level that asked it last; one more if it stands where a regular neighbourhood has it.
+    pub(super) marks: u8,
+}
+
+impl Site {
     /// It stands where a regular neighbourhood has it.
-    pub(super) exact: bool,
+    pub(super) fn is_exact(&self) -> bool {
+        self.marks & 1 != 0
+    }
+    /// Level `level` has asked it. (A file has 64 levels at most.)
+    pub(super) fn was_asked(&self, level: usize) -> bool {
+        usize::from(self.marks >> 1) == level & 127
+    }
+    pub(super) fn mark_asked(&mut self, level: usize) {
+        self.marks = self.marks & 1 | (level << 1) as u8;
+    }
 }
 
 /// All vertices.
 #[derive(Default)]
 pub(super) struct Memory {
     pub(super) sites: Vec<Site>,
+    /// The vertex that is asked after each: one that it split into, or the next of before. So what lies together on the surface is asked
+    /// together at every level, and numbered together.
+    pub(super) next: Vec<u32>,
     /// How far off the prediction of each was.
     pub(super) misses: Vec<[f32; 2]>,
     /// Mean edge length of the vertices that the level before asked.
