@@ -127,6 +127,8 @@ impl Mixer {
 pub(crate) trait Coder {
     /// True for an encoder: what only encoders do is left out of decoders by it.
     const ENCODES: bool;
+    /// True for what only counts.
+    const COUNTS: bool = false;
 
     /// One choice, 0 with a chance of `zero` / 65536. A decoder ignores `bit`; both give what it is.
     fn choose(&mut self, zero: u32, bit: bool) -> bool;

@@ -32,6 +32,18 @@ const RATES: [f32; MEMORY as usize + 1] = {
 };
 
 impl Odds {
+    pub(super) fn set(&mut self, yes: f32) {
+        self.yes = yes;
+        self.seen = 20;
+    }
+    pub(super) fn yes(&self) -> f32 {
+        self.yes
+    }
+    pub(super) fn learn_slowly(&mut self, bit: bool) {
+        let target = if bit { 1.0 } else { 0.0 };
+        self.yes += (target - self.yes) * RATES[self.seen as usize];
+        self.seen = (self.seen + 1).min(MEMORY);
+    }
     /// Codes a yes or no by these odds alone.
     pub(super) fn code(&mut self, coder: &mut impl Coder, bit: bool) -> bool {
         let bit = coder.choose(chance_of_no(self.yes), bit);
