@@ -44,7 +44,7 @@ const LEVEL_LIMIT: usize = 61;
 const GRID_HALVINGS: usize = 3;
 /// Part of the vertices that goes in a level, of a fine one and of a coarse one: the less, the better each level; the more, the
 /// fewer bytes in all.
-const LEVEL_PARTS: [f64; 2] = [0.25, 0.22];
+const LEVEL_PARTS: [f64; 2] = [0.26, 0.23];
 /// How much coarser than the finest a coarse level is.
 const COARSE: usize = 4;
 /// A level that removes a smaller part of the vertices is the last: what is left resists.

@@ -19,7 +19,7 @@ const VALENCES: usize = 10;
 const STATES: usize = 3;
 const KINDS: usize = LENGTHS * VALENCES * STATES;
 const BENDS: usize = 16;
-const AGES: usize = 6;
+const AGES: usize = 10;
 const RUNS: usize = STATES * STATES * STATES;
 const ANGLES: usize = 25;
 const OFFSETS: usize = 14;
@@ -237,7 +237,7 @@ impl Ways {
 pub(super) struct WayModel {
     kind: Vec<Roles>,
     bend: [Roles; BENDS],
-    age: [Roles; AGES],
+    age: [Roles; AGES * STATES],
     run: [Roles; RUNS],
     arc: Vec<f32>,
     /// By what a seam says: kinds of ways.
@@ -299,7 +299,7 @@ impl WayModel {
         Self {
             kind: vec![even; KINDS],
             bend: [even; BENDS],
-            age: [even; AGES],
+            age: [even; AGES * STATES],
             run: [even; RUNS],
             arc,
             seam: [[1.0; 4]; 4],
@@ -361,7 +361,7 @@ impl WayModel {
             let own = usize::from(x.state);
             let run = (state(before, i > 0) * 3 + own) * 3 + state(after, i + 1 < n);
             let kind = (long * VALENCES + usize::from(x.valence.clamp(3, 12) - 3)) * STATES + own;
-            let age = usize::from(x.age).min(AGES - 1);
+            let age = usize::from(x.age).min(AGES - 1) * STATES + own;
             at[i] = [kind as u16, bend as u16, age as u16, run as u16];
             let (k, b, a, r) = (&self.kind[kind], &self.bend[bend], &self.age[age], &self.run[run]);
             let product = within(times(times(*k, *b), times(*a, *r)), PRODUCT);
