@@ -323,51 +323,56 @@ impl WayModel {
         // In parts of the mean edge.
         let unit = 1.0 / mean;
         let mut all = 0.0;
-        for (i, x) in around.iter().enumerate() {
-            arms[i] = scale(sub(x.position, c.position), unit);
-            squares[i] = dot(arms[i], arms[i]);
-            free[i] = x.state != 2;
-            all += squares[i];
+        // States, with that of the neighbour before the first and after the last.
+        let mut states = [1; SIDES + 2];
+        let per_neighbour = arms.iter_mut().zip(squares.iter_mut()).zip(free.iter_mut()).zip(&mut states[1..]);
+        for (x, (((arm, square), free), state)) in around.iter().zip(per_neighbour) {
+            *arm = scale(sub(x.position, c.position), unit);
+            *square = dot(*arm, *arm);
+            all += *square;
+            *free = x.state != 2;
+            *state = x.state;
         }
         (arms[n], squares[n]) = (arms[0], squares[0]);
-        out.edge = mean * (all / n as f32).sqrt();
-        // Normals of the triangles from each neighbour to the next, and the squares of their lengths.
-        let (mut normals, mut areas) = ([[0.0; 3]; SIDES], [0.0; SIDES]);
-        let mut normal = [0.0; 3];
-        for i in 0..triangles {
-            normals[i] = cross(arms[i], arms[i + 1]);
-            areas[i] = dot(normals[i], normals[i]);
-            normal = add(normal, normals[i]);
+        if c.closed {
+            (states[0], states[n + 1]) = (states[n], states[1]);
         }
+        out.edge = mean * (all / n as f32).sqrt();
+        // Normals of the triangles before each neighbour and after the last, and the squares of their lengths.
+        let mut normals = [([0.0; 3], 0.0); SIDES + 1];
+        let mut normal = [0.0; 3];
+        for (ends, (here, area)) in arms[..triangles + 1].windows(2).zip(&mut normals[1..]) {
+            *here = cross(ends[0], ends[1]);
+            *area = dot(*here, *here);
+            normal = add(normal, *here);
+        }
+        normals[0] = normals[triangles];
         out.normal = super::site::unit(normal);
         let (mut sum, mut most) = (0usize, 0usize);
         out.fresh = 0;
         let mut against = 1.0;
-        for (i, x) in around.iter().enumerate() {
-            let (before, after) = (if i == 0 { n - 1 } else { i - 1 }, if i + 1 == n { 0 } else { i + 1 });
-            let long = octaves(squares[i], 1, 4, LENGTHS);
+        let known = around.iter().zip(&squares[..n]).zip(normals.windows(2)).zip(states.windows(3));
+        for (i, (((x, square), normals), states)) in known.enumerate() {
+            let long = octaves(*square, 1, 4, LENGTHS);
             sum += long;
             most = most.max(long);
-            out.fresh += usize::from(x.state == 2);
-            let bend = if c.closed || (i > 0 && i < triangles) {
-                // The sine's square, or more than 1 beyond a right angle.
-                let (d, q) = (dot(normals[before], normals[i]), areas[before] * areas[i]);
-                let sine = if d > 0.0 { q - d * d } else { q + d * d };
-                octaves(sine / larger(q, 1e-30), 0, 13, BENDS - 1)
-            } else {
-                BENDS - 1
-            };
-            let state = |j: usize, there: bool| if c.closed || there { usize::from(around[j].state) } else { 1 };
-            let own = usize::from(x.state);
-            let run = (state(before, i > 0) * 3 + own) * 3 + state(after, i + 1 < n);
+            let [(one, first), (other, second)] = [normals[0], normals[1]];
+            // The sine's square, or more than 1 beyond a right angle.
+            let (d, q) = (dot(one, other), first * second);
+            let sine = if d > 0.0 { q - d * d } else { q + d * d };
+            let bend = octaves(sine / larger(q, 1e-30), 0, 13, BENDS - 1);
+            let bend = if c.closed || (i > 0 && i < triangles) { bend } else { BENDS - 1 };
+            let [before, own, after] = [states[0], states[1], states[2]].map(usize::from);
+            out.fresh += usize::from(own == 2);
+            let run = (before * 3 + own) * 3 + after;
             let kind = (long * VALENCES + usize::from(x.valence.clamp(3, 12) - 3)) * STATES + own;
             let age = usize::from(x.age).min(AGES - 1) * STATES + own;
             at[i] = [kind as u16, bend as u16, age as u16, run as u16];
-            let (k, b, a, r) = (&self.kind[kind], &self.bend[bend], &self.age[age], &self.run[run]);
-            let product = within(times(times(*k, *b), times(*a, *r)), PRODUCT);
+            let (k, b, a, r) = (self.kind[kind], self.bend[bend], self.age[age], self.run[run]);
+            let product = within(times(times(k, b), times(a, r)), PRODUCT);
             against = larger(smaller(against * product[3], PRODUCT), 1.0 / PRODUCT);
             // No arc ends at what is new, or goes over it.
-            factors[i] = if free[i] { product } else { [0.0; 4] };
+            factors[i] = if own == 2 { [0.0; 4] } else { product };
         }
         if c.closed {
             factors.copy_within(0..n, n);
