@@ -1,7 +1,7 @@
 //! What a new vertex brings: whose position it shares, where it stands, its attributes.
 
+use super::center::Side;
 use super::level::{LevelCoder, LevelModel, LevelTruth};
-use super::options::Side;
 use super::place::P;
 use super::site::{Memory, Site};
 use crate::range::Coder;

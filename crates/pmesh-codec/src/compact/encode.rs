@@ -1,7 +1,7 @@
 //! Levels of collapses to bytes. The encoder refines as the decoder will, so that both number everything alike.
 
+use super::center::Side;
 use super::level::{LevelCoder, LevelModel, LevelTruth, Spent, Split};
-use super::options::Side;
 use super::site::Memory;
 use crate::pmesh::header::Container;
 use crate::pmesh::varint::put;

@@ -1,10 +1,11 @@
 //! One level: vertex by vertex, whether it splits, how, and where the new vertex stands.
 
 use super::arrival::Fresh;
+use super::center::{Center, Neighbour, Seam, Side, VALENCE_LIMIT, Way};
 use super::mixer::Mixer;
-use super::options::{Center, Neighbour, Seam, Side, VALENCE_LIMIT, Way, WayModel, Ways};
-use super::site::{Memory, Site};
+use super::options::{WayModel, Ways};
 use super::place::{PlaceModel, Star};
+use super::site::{Memory, Site};
 use crate::pmesh::varint::Reader;
 use crate::range::{Coder, NumberModel, RangeDecoder, SignedModel};
 use crate::refine::Levels;
@@ -378,11 +379,8 @@ impl LevelCoder {
         let done = c.neighbours().iter().filter(|x| x.state > 0).count();
         let share = (4 * done / c.count.max(1)).min(4);
         let age = c.age.min(5);
-        let at = [
-            (n.min(15) * BINS + bin) * 4 + seam,
-            (bin * 8 + level.min(7)) * 6 + fresh,
-            (age * 16 + w.mean_length) * 5 + share,
-        ];
+        let at =
+            [(n.min(15) * BINS + bin) * 4 + seam, (bin * 8 + level.min(7)) * 6 + fresh, (age * 16 + w.mean_length) * 5 + share];
         (seam, at)
     }
 
@@ -406,8 +404,7 @@ impl LevelCoder {
             }
             side => {
                 // The corner of p's fan beside the cut, if there is one.
-                let beside =
-                    if side == Side::Head { self.fan.get(to).copied() } else { from.checked_sub(1).map(corner) };
+                let beside = if side == Side::Head { self.fan.get(to).copied() } else { from.checked_sub(1).map(corner) };
                 surface.insert_at_boundary(&fan, side == Side::Head, beside);
                 1
             }

@@ -19,7 +19,7 @@ impl Default for Odds {
 }
 
 /// Questions after which odds learn no slower.
-const MEMORY: u32 = 255;
+pub(super) const MEMORY: u32 = 255;
 /// How fast they learn after so many.
 const RATES: [f32; MEMORY as usize + 1] = {
     let mut rates = [0.0; MEMORY as usize + 1];
@@ -31,19 +31,13 @@ const RATES: [f32; MEMORY as usize + 1] = {
     rates
 };
 
+/// How fast a chance learns that was met `seen` times, [`MEMORY`] at most.
+#[inline(always)]
+pub(super) fn rate_after(seen: u32) -> f32 {
+    RATES[(seen & 255) as usize]
+}
+
 impl Odds {
-    pub(super) fn set(&mut self, yes: f32) {
-        self.yes = yes;
-        self.seen = 20;
-    }
-    pub(super) fn yes(&self) -> f32 {
-        self.yes
-    }
-    pub(super) fn learn_slowly(&mut self, bit: bool) {
-        let target = if bit { 1.0 } else { 0.0 };
-        self.yes += (target - self.yes) * RATES[self.seen as usize];
-        self.seen = (self.seen + 1).min(MEMORY);
-    }
     /// Codes a yes or no by these odds alone.
     pub(super) fn code(&mut self, coder: &mut impl Coder, bit: bool) -> bool {
         let bit = coder.choose(chance_of_no(self.yes), bit);
@@ -53,7 +47,7 @@ impl Odds {
     #[inline(always)]
     fn learn(&mut self, bit: bool) {
         let target = if bit { 1.0 } else { 0.0 };
-        self.yes += (target - self.yes) * RATES[self.seen as usize];
+        self.yes += (target - self.yes) * rate_after(self.seen);
         self.stretched = stretch(self.yes.clamp(0.001, 0.999));
         self.seen = (self.seen + 1).min(MEMORY);
     }

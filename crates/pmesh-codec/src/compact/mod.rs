@@ -5,20 +5,23 @@
 //! learn on the way, and a range coder writes how far the predictions were off.
 
 mod arrival;
+mod center;
 mod encode;
 mod exact;
 mod filter;
 mod float;
+mod lessons;
 mod level;
 mod mixer;
+mod number;
 mod options;
 mod place;
 mod site;
 mod vector;
 
+pub use center::Side;
 pub use encode::{CompactReport, CompactStream, Removed, encode};
 pub use level::Spent;
-pub use options::Side;
 
 use crate::pmesh::header::Container;
 use crate::refine::decode::RefinementDecoder;

@@ -5,14 +5,11 @@
 //! there is a split needs no more than that, and most vertices have none; which it is also depends on the arc's angle and
 //! on where its middle and its ends lie. Entries learn by gradient ascent of the logarithm of the likelihood.
 
+use super::center::{Center, SIDES, Side, Way};
 use super::float::{arccos, larger, ln, smaller};
 use super::mixer::chance_of_no;
 use super::vector::{Vector, add, cross, dot, scale, sub};
 use crate::range::Coder;
-
-/// Vertices with more triangles are never split. A simplifier keeps to 18 for the two ends of a collapse; splits of neighbours that
-/// come first add some.
-pub(super) const VALENCE_LIMIT: usize = 32;
 
 const LENGTHS: usize = 16;
 const VALENCES: usize = 10;
@@ -23,17 +20,14 @@ const AGES: usize = 10;
 const RUNS: usize = STATES * STATES * STATES;
 const ANGLES: usize = 25;
 const OFFSETS: usize = 14;
-/// A chance of a split below which none is no news.
-const CLEAR: f32 = 0.2;
 /// Things that speak against a split.
 const NO: usize = 6;
-const SIDES: usize = VALENCE_LIMIT + 2;
 /// Room for the neighbours twice over, and one more.
-const TWICE: usize = 2 * SIDES + 2;
+pub(super) const TWICE: usize = 2 * SIDES + 2;
 /// Bounds of an entry, of a neighbour's product and of an arc's: so no product overflows.
-const ENTRY: f32 = 1e3;
+pub(super) const ENTRY: f32 = 1e3;
 const PRODUCT: f32 = 1e8;
-const ARC: f32 = 1e12;
+pub(super) const ARC: f32 = 1e12;
 /// The middle of an arc and the vertex itself: 1 / (neighbours + 1), by triangles.
 const SHARES: [f32; SIDES + 1] = {
     let mut shares = [0.0; SIDES + 1];
@@ -45,128 +39,21 @@ const SHARES: [f32; SIDES + 1] = {
     shares
 };
 
-/// Which triangles a new vertex takes: an arc inside the fan, or one that begins or ends at the boundary.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Side {
-    /// From one neighbour to another: two new triangles.
-    #[default]
-    Inside,
-    /// From the fan's clockwise end: one new triangle.
-    Head,
-    /// To the fan's counter-clockwise end: one new triangle.
-    Tail,
-}
-
-/// One way to split: neighbours `from` to `to` become the new vertex's.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Way {
-    pub(super) side: Side,
-    pub(super) from: u8,
-    /// Beyond the number of neighbours where it runs past the fan's start.
-    pub(super) to: u8,
-}
-
-impl Way {
-    pub(super) fn range(self) -> (usize, usize) {
-        (usize::from(self.from), usize::from(self.to))
-    }
-    /// Its kind: whether it lies in a closed fan, in an open one, or along the boundary.
-    fn kind(self, closed: bool) -> usize {
-        match self.side {
-            Side::Inside => usize::from(!closed),
-            Side::Head => 2,
-            Side::Tail => 3,
-        }
-    }
-}
-
-/// What is known of a neighbour.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Neighbour {
-    pub(super) vertex: u32,
-    pub(super) position: Vector<f32>,
-    /// Mean edge length there.
-    pub(super) edge: f32,
-    pub(super) valence: u16,
-    /// 0: its own splits are to come; 1: they are known; 2: new in this level.
-    pub(super) state: u8,
-    /// Levels since it came.
-    pub(super) age: u8,
-}
-
-/// A vertex that may split, and its neighbours counter-clockwise.
-#[derive(Clone, Debug)]
-pub(super) struct Center {
-    pub(super) position: Vector<f32>,
-    /// Mean edge length, when it was last asked.
-    pub(super) edge: f32,
-    pub(super) count: usize,
-    around: [Neighbour; SIDES],
-    pub(super) closed: bool,
-    pub(super) age: usize,
-    /// Splits of it in this level so far.
-    pub(super) splits: usize,
-    /// First neighbour at which an arc may begin.
-    pub(super) first: usize,
-    /// What is known of a seam through here.
-    pub(super) seam: Seam,
-}
-
-impl Default for Center {
-    fn default() -> Self {
-        Self {
-            position: [0.0; 3],
-            edge: 0.0,
-            count: 0,
-            around: [Neighbour::default(); SIDES],
-            closed: false,
-            age: 0,
-            splits: 0,
-            first: 0,
-            seam: Seam::Quiet,
-        }
-    }
-}
-
-impl Center {
-    pub(super) fn push(&mut self, neighbour: Neighbour) {
-        self.around[self.count] = neighbour;
-        self.count += 1;
-    }
-    pub(super) fn neighbours(&self) -> &[Neighbour] {
-        &self.around[..self.count]
-    }
-}
-
-/// What another wedge at the position of a vertex says of its splits.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Seam {
-    /// None has split along the boundary, or all that did have their counterparts.
-    #[default]
-    Quiet,
-    /// One has split at its fan's clockwise end, and waits for a counterpart.
-    Head,
-    /// One at the other end.
-    Tail,
-    /// This vertex has: the mesh may go on across.
-    Own,
-}
-
 /// Entries for a left cut, a right cut, inside, and against any split.
-type Roles = [f32; 4];
+pub(super) type Roles = [f32; 4];
 
 /// Scratch: by neighbour, a closed fan's twice over.
 #[derive(Clone, Debug)]
-struct Fan {
+pub(super) struct Fan {
     /// In parts of the mean edge.
     arms: [Vector<f32>; TWICE],
     /// Their squares.
     squares: [f32; TWICE],
-    factors: [Roles; TWICE],
+    pub(super) factors: [Roles; TWICE],
     /// It is not new in this level.
-    free: [bool; TWICE],
+    pub(super) free: [bool; TWICE],
     /// Entry of its kind, bend, age, and the states about it.
-    at: [[u16; 4]; SIDES],
+    pub(super) at: [[u16; 4]; SIDES],
 }
 
 impl Default for Fan {
@@ -186,13 +73,13 @@ impl Default for Fan {
 pub(super) struct Ways {
     /// There is a way.
     pub(super) any: bool,
-    total: f32,
+    pub(super) total: f32,
     /// The chance that there is a split.
-    chance: f32,
+    pub(super) chance: f32,
     /// The same in the logistic domain.
     pub(super) opinion: f32,
-    no: [usize; NO],
-    fan: Box<Fan>,
+    pub(super) no: [usize; NO],
+    pub(super) fan: Box<Fan>,
     /// Of the vertex itself: its edges' root mean square, its normal.
     pub(super) edge: f32,
     pub(super) normal: Vector<f32>,
@@ -202,15 +89,15 @@ pub(super) struct Ways {
     /// Neighbours that are not new, from the first on at which an arc may begin.
     pub(super) free: usize,
     /// Once there is a split: its ways.
-    ways: Vec<Listed>,
+    pub(super) ways: Vec<Listed>,
 }
 
 /// A way, its entries for angle, offset and chord, and its weight.
 #[derive(Clone, Copy, Debug)]
-struct Listed {
-    way: Way,
-    own: [u8; 3],
-    weight: f32,
+pub(super) struct Listed {
+    pub(super) way: Way,
+    pub(super) own: [u8; 3],
+    pub(super) weight: f32,
 }
 
 impl Ways {
@@ -235,19 +122,19 @@ impl Ways {
 /// The tables.
 #[derive(Clone, Debug)]
 pub(super) struct WayModel {
-    kind: Vec<Roles>,
-    bend: [Roles; BENDS],
-    age: [Roles; AGES * STATES],
-    run: [Roles; RUNS],
-    arc: Vec<f32>,
+    pub(super) kind: Vec<Roles>,
+    pub(super) bend: [Roles; BENDS],
+    pub(super) age: [Roles; AGES * STATES],
+    pub(super) run: [Roles; RUNS],
+    pub(super) arc: Vec<f32>,
     /// By what a seam says: kinds of ways.
-    seam: [[f32; 4]; 4],
-    no: [Vec<f32>; NO],
-    seen: f32,
-    angle: [f32; ANGLES],
-    offset: [f32; OFFSETS],
-    chord: [f32; OFFSETS],
-    splits: f32,
+    pub(super) seam: [[f32; 4]; 4],
+    pub(super) no: [Vec<f32>; NO],
+    pub(super) seen: f32,
+    pub(super) angle: [f32; ANGLES],
+    pub(super) offset: [f32; OFFSETS],
+    pub(super) chord: [f32; OFFSETS],
+    pub(super) splits: f32,
 }
 
 fn class(x: f32, limit: usize) -> usize {
@@ -263,31 +150,15 @@ fn octaves(x: f32, fine: u32, one: i32, limit: usize) -> usize {
 }
 
 #[inline(always)]
-fn times(a: Roles, b: Roles) -> Roles {
+pub(super) fn times(a: Roles, b: Roles) -> Roles {
     [a[0] * b[0], a[1] * b[1], a[2] * b[2], a[3] * b[3]]
 }
 /// Each between 1 / `limit` and `limit`.
 #[inline(always)]
-fn within(a: Roles, limit: f32) -> Roles {
+pub(super) fn within(a: Roles, limit: f32) -> Roles {
     let bounded = |x: f32| larger(smaller(x, limit), 1.0 / limit);
     [bounded(a[0]), bounded(a[1]), bounded(a[2]), bounded(a[3])]
 }
-/// e^step, for small steps.
-#[inline(always)]
-fn growth(step: f32) -> f32 {
-    1.0 + step * (1.0 + step * (0.5 + step * (1.0 / 6.0)))
-}
-/// An entry within its bounds.
-#[inline(always)]
-fn bounded(entry: f32) -> f32 {
-    larger(smaller(entry, ENTRY), 1.0 / ENTRY)
-}
-
-/// The rate after so many lessons.
-fn rate_after(seen: f32) -> f32 {
-    0.012 * (1.0 + 8.0 / (1.0 + seen / 400.0))
-}
-
 impl WayModel {
     pub(super) fn new() -> Self {
         let mut arc = vec![0.0; 4 * SIDES * SIDES];
@@ -513,129 +384,7 @@ impl WayModel {
 
     /// Entries of arcs by their triangles, in a fan of so many neighbours.
     #[inline(always)]
-    fn arcs(&self, kind: usize, n: usize) -> &[f32] {
+    pub(super) fn arcs(&self, kind: usize, n: usize) -> &[f32] {
         &self.arc[(kind * SIDES + n) * SIDES..][..n]
-    }
-
-    /// Learns what happened: the way taken, or no split.
-    pub(super) fn learn(&mut self, c: &Center, ways: &Ways, taken: Option<Way>) {
-        // What was clear beforehand teaches little.
-        if taken.is_none() && ways.chance < CLEAR {
-            return;
-        }
-        let n = c.count;
-        let rate = rate_after(self.seen);
-        self.seen += 1.0;
-        let each = if ways.total > 0.0 { -rate * ways.chance / ways.total } else { 0.0 };
-        let seam = self.seam[c.seam as usize].map(|s| s * each);
-        // How much more than expected each neighbour was a left cut, a right cut, inside (from here on more); arcs by kind and length.
-        let mut steps = [[0.0f32; 4]; TWICE];
-        let mut arc_steps = [[0.0f32; SIDES]; 4];
-        let factors = &ways.fan.factors;
-        let kind = usize::from(!c.closed);
-        for from in c.first..n {
-            if !ways.fan.free[from] {
-                continue;
-            }
-            let (mut inner, mut sum) = (factors[from][0], 0.0);
-            let end = if c.closed { from + n } else { n };
-            let arcs = self.arcs(kind, n)[1..].iter().zip(&mut arc_steps[kind][1..]);
-            for ((f, step), (arc, arc_step)) in factors[from + 1..end].iter().zip(&mut steps[from + 1..end]).zip(arcs) {
-                let weight = inner * f[1] * (arc * seam[kind]);
-                inner = smaller(inner * f[2], ARC);
-                sum += weight;
-                *arc_step += weight;
-                step[1] += weight;
-                step[2] -= weight;
-            }
-            steps[from][0] += sum;
-            steps[from + 1][2] += sum;
-        }
-        if !c.closed {
-            if c.first == 0 {
-                let (mut inner, mut sum) = (1.0, 0.0);
-                for i in 0..n {
-                    let weight = inner * factors[i][1] * (self.arcs(2, n)[i] * seam[2]);
-                    inner = smaller(inner * factors[i][2], ARC);
-                    sum += weight;
-                    arc_steps[2][i] += weight;
-                    steps[i][1] += weight;
-                    steps[i][2] -= weight;
-                }
-                steps[0][2] += sum;
-            }
-            let mut inner = 1.0;
-            for from in (c.first..n).rev() {
-                let weight = inner * factors[from][0] * (self.arcs(3, n)[n - 1 - from] * seam[3]);
-                inner = smaller(inner * factors[from][2], ARC);
-                arc_steps[3][n - 1 - from] += weight;
-                steps[from][0] += weight;
-                steps[from + 1][2] += weight;
-                steps[n][2] -= weight;
-            }
-        }
-        if let Some(way) = taken {
-            let (from, to) = way.range();
-            let (left, right, first, end) = match way.side {
-                Side::Inside => (rate, rate, from + 1, to),
-                Side::Head => (0.0, rate, 0, to),
-                Side::Tail => (rate, 0.0, from + 1, n),
-            };
-            arc_steps[way.kind(c.closed)][to - from] += rate;
-            steps[from][0] += left;
-            steps[to][1] += right;
-            steps[first][2] += rate;
-            steps[end][2] -= rate;
-        }
-        let mut inside = 0.0;
-        for step in &mut steps[..2 * n] {
-            inside += step[2];
-            step[2] = inside;
-        }
-        if c.closed {
-            for i in 0..n {
-                (0..3).for_each(|r| steps[i][r] += steps[i + n][r]);
-            }
-        }
-        let against = 0.5 * rate * (if taken.is_none() { 1.0 } else { 0.0 } - (1.0 - ways.chance));
-        for (at, step) in ways.fan.at[..n].iter().zip(&mut steps) {
-            step[3] = 0.5 * against;
-            let growth = [growth(step[0]), growth(step[1]), growth(step[2]), growth(step[3])];
-            let [kind, bend, age, run] = at.map(usize::from);
-            for roles in [&mut self.kind[kind], &mut self.bend[bend], &mut self.age[age], &mut self.run[run]] {
-                *roles = within(times(*roles, growth), ENTRY);
-            }
-        }
-        for kind in if c.closed { 0..1 } else { 1..4 } {
-            let steps = &arc_steps[kind][..n];
-            let list = &mut self.arc[(kind * SIDES + n) * SIDES..][..n];
-            list.iter_mut().zip(steps).for_each(|(entry, step)| *entry = bounded(*entry * growth(*step)));
-            let entry = &mut self.seam[c.seam as usize][kind];
-            *entry = bounded(*entry * growth(steps.iter().sum()));
-        }
-        let against = growth(against);
-        for (table, &at) in self.no.iter_mut().zip(&ways.no) {
-            table[at] = bounded(table[at] * against);
-        }
-    }
-
-    /// Learns which way was taken.
-    fn learn_way(&mut self, ways: &Ways, taken: usize) {
-        let rate = rate_after(self.splits);
-        self.splits += 1.0;
-        let total: f32 = ways.ways.iter().map(|w| w.weight).sum();
-        let each = if total > 0.0 { -rate / total } else { 0.0 };
-        for (w, Listed { own, weight, .. }) in ways.ways.iter().enumerate() {
-            let step = weight * each + if taken == w { rate } else { 0.0 };
-            // What was next to impossible anyway stays as it is.
-            if step > -0.005 * rate && taken != w {
-                continue;
-            }
-            let growth = growth(step);
-            for (entries, &at) in [&mut self.angle[..], &mut self.offset, &mut self.chord].into_iter().zip(own) {
-                let entry = &mut entries[usize::from(at)];
-                *entry = bounded(*entry * growth);
-            }
-        }
     }
 }

@@ -3,8 +3,8 @@
 
 use super::exact::ExactModel;
 use super::filter::Filter;
-use super::float::{exp, ln, squash};
-use super::mixer::{Odds, chance_of_no};
+use super::float::{exp, ln};
+use super::number::{Calibration, Counter, LEAST_VARIANCE, Smooth};
 use super::vector::{Vector, add, cross, dot, scale, sub};
 use crate::range::Coder;
 
@@ -85,7 +85,7 @@ impl<const N: usize> Width<N> {
 /// All that is learnt about places.
 #[derive(Clone, Debug)]
 pub(super) struct PlaceModel {
-    cal: Calibration,
+    calibration: Calibration,
     exact: ExactModel,
     /// Scratch: the ring about its middle.
     ring: Vec<P>,
@@ -102,7 +102,7 @@ impl PlaceModel {
         let mut plane = [0.0; PLANE];
         plane[2] = -0.1;
         Self {
-            cal: Calibration::new(),
+            calibration: Calibration::new(),
             exact: ExactModel::new(),
             ring: Vec::new(),
             normal: Filter::new(normal, 0.02),
@@ -230,8 +230,7 @@ impl PlaceModel {
         let var_b = (sbb - sab * sab / saa).max(LEAST_VARIANCE);
         let cross_bc = sbc - sab * sac / saa;
         let var_c = (scc - sac * sac / saa - cross_bc * cross_bc / var_b).max(LEAST_VARIANCE);
-        let mut smooth = Smooth {
-            cal: &mut self.cal,
+        let smooth = Smooth {
             order,
             means: order.map(|i| at[i]),
             slopes: [sab / saa, sac / saa, cross_bc / var_b],
@@ -249,7 +248,7 @@ impl PlaceModel {
                 if C::ENCODES {
                     let mut count = Counter::default();
                     if hit.is_some() {
-                        smooth.code(&mut count, truth);
+                        smooth.code(&mut count, &mut self.calibration, truth);
                     }
                     self.exact.saved += count.bits - (coder.position() - before);
                 }
@@ -257,7 +256,7 @@ impl PlaceModel {
         }
         let out = match hit {
             Some(place) => place.map(|x| x as i32),
-            None => smooth.code(coder, truth),
+            None => smooth.code(coder, &mut self.calibration, truth),
         };
         // Learn.
         let off = sub(out.map(f64::from), at);
@@ -306,140 +305,4 @@ fn axes(ring: &[P], normal: P) -> (P, P, [f64; 2]) {
     let t1 = add(scale(u, c), scale(w, s));
     let n = ring.len() as f64;
     (t1, cross(normal, t1), [(large / n).sqrt(), (small / n).sqrt()])
-}
-
-/// A normal distribution of a place, axis by axis: what is known of the first two says more of the next.
-struct Smooth<'a> {
-    cal: &'a mut Calibration,
-    order: [usize; 3],
-    means: [f64; 3],
-    /// How the second follows the first, the third the first, the third the second.
-    slopes: [f64; 3],
-    variances: [f64; 3],
-}
-
-/// Chances as they turned out, by what was said they would be.
-#[derive(Clone, Debug)]
-pub(super) struct Calibration {
-    odds: Vec<Odds>,
-}
-const CAL: usize = 33;
-impl Calibration {
-    pub(super) fn new() -> Self {
-        let mut odds = vec![Odds::default(); CAL * 64];
-        for (i, o) in odds.iter_mut().enumerate() {
-            o.set(squash(((i % CAL) as f32 - 16.0) * 0.5));
-        }
-        Self { odds }
-    }
-    #[inline(always)]
-    fn decide<C: Coder>(&mut self, coder: &mut C, yes: f32, kind: usize, bit: bool) -> bool {
-        let yes = yes.clamp(0.0005, 0.9995);
-        let s = super::float::stretch(yes);
-        let x = s * 2.0 + 16.0;
-        let i = (x as usize).min(CAL - 2);
-        let f = x - i as f32;
-        let (a, b) = (kind * CAL + i, kind * CAL + i + 1);
-        let p = self.odds[a].yes() * (1.0 - f) + self.odds[b].yes() * f;
-        let bit = coder.choose(chance_of_no(p), bit);
-        let o = if f < 0.5 { a } else { b };
-        if !C::COUNTS { self.odds[o].learn_slowly(bit); }
-        bit
-    }
-}
-
-impl Smooth<'_> {
-    fn code(&mut self, coder: &mut impl Coder, truth: Option<[i32; 3]>) -> [i32; 3] {
-        let mut out = [0; 3];
-        let mut off = [0.0; 2];
-        for (k, &axis) in self.order.iter().enumerate() {
-            let mean = self.means[k]
-                + match k {
-                    0 => 0.0,
-                    1 => self.slopes[0] * off[0],
-                    _ => self.slopes[1] * off[0] + self.slopes[2] * off[1],
-                };
-            let value = integer(coder, self.cal, k, mean, self.variances[k], truth.map_or(0, |t| i64::from(t[axis])));
-            if k < 2 {
-                off[k] = value as f64 - mean;
-            }
-            out[axis] = value as i32;
-        }
-        out
-    }
-}
-
-/// Counts what choices would cost.
-#[derive(Default)]
-struct Counter {
-    bits: f64,
-}
-
-impl Coder for Counter {
-    const ENCODES: bool = true;
-    const COUNTS: bool = true;
-
-    fn byte_position(&self) -> usize {
-        (self.bits / 8.0) as usize
-    }
-
-    fn choose(&mut self, zero: u32, bit: bool) -> bool {
-        let part = if bit { 65536 - zero } else { zero };
-        self.bits += 16.0 - log(f64::from(part)) * std::f64::consts::LOG2_E;
-        bit
-    }
-}
-
-/// Bound of predictions; rows are 32-bit numbers.
-const FARTHEST: f64 = (1u64 << 34) as f64;
-/// A grid step's own.
-const LEAST_VARIANCE: f64 = 1.0 / 12.0;
-
-/// Codes an integer whose distribution is logistic about `mean`.
-pub(super) fn integer(coder: &mut impl Coder, cal: &mut Calibration, k: usize, mean: f64, variance: f64, truth: i64) -> i64 {
-    let mean = if mean.is_finite() { mean.clamp(-FARTHEST, FARTHEST) } else { 0.0 };
-    let s = 0.509 * variance.sqrt();
-    let middle = (mean + 0.5).floor();
-    let inverse = (1.0 / s) as f32;
-    let d = (middle - mean) as f32;
-    let m = middle as i64;
-    let above = squash(-(0.5 + d) * inverse);
-    let below = squash((d - 0.5) * inverse);
-    let off = truth.wrapping_sub(m);
-    let wide = if s < 0.3 { 0 } else if s < 1.0 { 1 } else if s < 4.0 { 2 } else { 3 };
-    let base = k * 20 + wide * 5;
-    if !cal.decide(coder, above + below, base, off != 0) {
-        return m;
-    }
-    let up = coder.choose(chance_of_no(above / (above + below)), off > 0);
-    let d = if up { d } else { -d };
-    let magnitude = off.unsigned_abs();
-    // Buckets, each twice as wide as the one before, then halves.
-    let mut width = (s.min(1e9) as u64).max(1);
-    let mut from = 1u64;
-    // Chance to be beyond `w` more of those that are `k` off at least; exp bounds what is huge.
-    let passes = |k: u64, w: u64| {
-        let z = (k as f32 - 0.5 + d) * inverse;
-        let z = if z < 40.0 { z } else { 40.0 };
-        (1.0 + exp(z)) / (1.0 + exp(z + w as f32 * inverse))
-    };
-    while width < 2 * FARTHEST as u64 {
-        if !cal.decide(coder, passes(from, width), base + if from == 1 { 2 } else { 3 }, magnitude >= from + width) {
-            break;
-        }
-        from += width;
-        width *= 2;
-    }
-    while width > 1 {
-        let half = width / 2;
-        let (all, first) = (1.0 - passes(from, width), 1.0 - passes(from, half));
-        let upper = if all > 1e-6 { 1.0 - first / all } else { 0.5 };
-        if coder.choose(chance_of_no(upper), magnitude >= from + half) {
-            from += half;
-            width -= half;
-        } else {
-            width = half;
-        }
-    }
-    if up { m.wrapping_add(from as i64) } else { m.wrapping_sub(from as i64) }
 }
