@@ -15,7 +15,7 @@ pub(super) fn stretch(p: f32) -> f32 {
 
 /// log₂ x to 0.005, for normal positive x: a parabola between powers of two.
 #[inline(always)]
-fn log2(x: f32) -> f32 {
+pub(super) fn log2(x: f32) -> f32 {
     let bits = x.to_bits();
     let f = f32::from_bits(bits & 0x7f_ffff | 0x3f80_0000) - 1.0;
     ((bits >> 23) as i32 - 127) as f32 + f * (1.346_6 - 0.346_6 * f)

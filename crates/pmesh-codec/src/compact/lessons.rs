@@ -130,12 +130,12 @@ impl WayModel {
     pub(super) fn learn_way(&mut self, ways: &Ways, taken: usize) {
         let rate = rate_after(self.splits);
         self.splits += 1.0;
-        let total: f32 = ways.ways.iter().map(|w| w.weight).sum();
+        let total = ways.sums.last().copied().unwrap_or(0.0);
         let each = if total > 0.0 { -rate / total } else { 0.0 };
         for (w, Listed { own, weight, .. }) in ways.ways.iter().enumerate() {
             let step = weight * each + if taken == w { rate } else { 0.0 };
             // What was next to impossible anyway stays as it is.
-            if step > -0.005 * rate && taken != w {
+            if step > -0.01 * rate && taken != w {
                 continue;
             }
             let growth = growth(step);

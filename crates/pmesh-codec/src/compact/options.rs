@@ -90,6 +90,8 @@ pub(super) struct Ways {
     pub(super) free: usize,
     /// Once there is a split: its ways.
     pub(super) ways: Vec<Listed>,
+    /// Sums of their weights, each with those before.
+    pub(super) sums: Vec<f32>,
 }
 
 /// A way, its entries for angle, offset and chord, and its weight.
@@ -106,9 +108,8 @@ impl Ways {
         let (mut low, mut high) = (0, self.ways.len());
         while high - low > 1 {
             let middle = low + (high - low) / 2;
-            let left: f32 = self.ways[low..middle].iter().map(|w| w.weight).sum();
-            let right: f32 = self.ways[middle..high].iter().map(|w| w.weight).sum();
-            let yes = if left + right > 0.0 { right / (left + right) } else { 0.5 };
+            let [first, half, last] = [low, middle, high].map(|i| if i == 0 { 0.0 } else { self.sums[i - 1] });
+            let yes = if last > first { (last - half) / (last - first) } else { 0.5 };
             if coder.choose(chance_of_no(yes), truth >= middle) {
                 low = middle;
             } else {
@@ -301,6 +302,12 @@ impl WayModel {
     pub(super) fn choose(&mut self, coder: &mut impl Coder, c: &Center, out: &mut Ways, truth: Option<Way>) -> Option<Way> {
         self.list(c, out);
         let index = truth.and_then(|t| out.ways.iter().position(|w| w.way == t)).unwrap_or(0);
+        out.sums.clear();
+        let mut sum = 0.0;
+        out.sums.extend(out.ways.iter().map(|w| {
+            sum += w.weight;
+            sum
+        }));
         let taken = out.by_halves(coder, index);
         self.learn_way(out, taken);
         out.ways.get(taken).map(|w| w.way)

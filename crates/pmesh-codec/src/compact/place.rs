@@ -3,7 +3,7 @@
 
 use super::exact::ExactModel;
 use super::filter::Filter;
-use super::float::{exp, ln};
+use super::float::{exp, ln, log2};
 use super::number::{Calibration, Counter, LEAST_VARIANCE, Smooth};
 use super::vector::{Vector, add, cross, dot, scale, sub};
 use crate::range::Coder;
@@ -15,8 +15,9 @@ pub(super) fn unit(a: P, other: P) -> P {
     let l = dot(a, a).sqrt();
     if l > 1e-9 { scale(a, 1.0 / l) } else { other }
 }
+/// ln x, to 0.003.
 fn log(x: f64) -> f64 {
-    f64::from(ln(x.clamp(1e-30, 1e30) as f32))
+    f64::from(log2(x.clamp(1e-30, 1e30) as f32) * std::f32::consts::LN_2)
 }
 
 /// What is known around a new vertex. The representative is the first of the ring, or the last of an open one whose side is
@@ -128,53 +129,58 @@ impl PlaceModel {
         let k = star.ring.len();
         let count = k as f64;
         let middle = scale(star.ring.iter().fold([0.0; 3], |s, &r| add(s, r)), 1.0 / count);
-        let ring = &mut self.ring;
-        ring.clear();
-        ring.extend(star.ring.iter().map(|&r| sub(r, middle)));
-        let ring = &self.ring[..];
+        let closing = &mut self.ring;
+        closing.clear();
+        closing.extend(star.ring.iter().map(|&r| sub(r, middle)));
+        if star.closed {
+            closing.push(closing[0]);
+        }
+        // With the first once more at the end of a closed one: pairs are edges.
+        let closing = &self.ring[..];
+        let ring = &closing[..k];
         let radius = (ring.iter().map(|&r| dot(r, r).sqrt()).sum::<f64>() / count).max(0.25);
-        let edges = if star.closed { k } else { k - 1 };
-        let sum = (0..edges).fold([0.0; 3], |s, i| add(s, cross(ring[i], ring[(i + 1) % k])));
+        let sum = closing.windows(2).fold([0.0; 3], |s, e| add(s, cross(e[0], e[1])));
         let normal_sum = star.normals.iter().fold([0.0; 3], |s, &n| add(s, n));
         let normal = unit(sum, unit(normal_sum, [0.0, 0.0, 1.0]));
         let (t1, t2, spread) = axes(ring, normal);
         // Features, relative to the middle.
         let p = ring[star.onto];
         let cut = match (star.closed, star.onto) {
-            (true, i) => scale(add(ring[(i + 1) % k], ring[(i + k - 1) % k]), 0.5),
+            (true, 0) => scale(add(ring[1], ring[k - 1]), 0.5),
+            (true, i) => scale(add(closing[i + 1], ring[i - 1]), 0.5),
             (false, 0) => ring[1],
             (false, i) => ring[i - 1],
         };
         let (mut outer, mut parallelograms, mut beyond) = ([0.0; 3], [0.0; 3], 0.0);
-        for i in 0..edges {
-            if let Some(o) = star.beyond[i] {
-                let o = sub(o, middle);
+        let (mut weighted, mut weights) = ([0.0; 3], 0.0);
+        for (ends, o) in closing.windows(2).zip(&star.beyond) {
+            let both = add(ends[0], ends[1]);
+            if let Some(o) = o {
+                let o = sub(*o, middle);
                 outer = add(outer, o);
-                parallelograms = add(parallelograms, sub(add(ring[i], ring[(i + 1) % k]), o));
+                parallelograms = add(parallelograms, sub(both, o));
                 beyond += 1.0;
             }
+            let edge = sub(ends[1], ends[0]);
+            let l = dot(edge, edge).sqrt();
+            weighted = add(weighted, scale(both, 0.5 * l));
+            weights += l;
         }
         if beyond > 0.0 {
             outer = scale(outer, 1.0 / beyond);
             parallelograms = scale(parallelograms, 1.0 / beyond);
-        }
-        let (mut weighted, mut weights) = ([0.0; 3], 0.0);
-        for i in 0..edges {
-            let j = (i + 1) % k;
-            let e = sub(ring[j], ring[i]);
-            let l = dot(e, e).sqrt();
-            weighted = add(weighted, scale(add(ring[i], ring[j]), 0.5 * l));
-            weights += l;
         }
         if weights > 0.0 {
             weighted = scale(weighted, 1.0 / weights);
         }
         let mut uneven = [0.0; 3];
         let mut curvature = 0.0;
-        for (i, &r) in ring.iter().enumerate() {
-            uneven = add(uneven, scale(r, (star.valences[i] - 6.0) / count));
-            curvature += dot(star.normals[i], r) / count;
+        for ((&r, valence), &normal) in ring.iter().zip(&star.valences).zip(&star.normals) {
+            uneven = add(uneven, scale(r, valence - 6.0));
+            curvature += dot(normal, r);
         }
+        uneven = scale(uneven, 1.0 / count);
+        curvature /= count;
         let features = [p, cut, outer, weighted, parallelograms, uneven].map(|f| scale(f, 1.0 / radius));
         let along = |axis: P| features.map(|f| dot(f, axis));
         let (n6, x1, x2) = (along(normal), along(t1), along(t2));
