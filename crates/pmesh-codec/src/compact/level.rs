@@ -1,7 +1,7 @@
 //! One level: vertex by vertex, whether it splits, how, and where the new vertex stands.
 
 use super::arrival::Fresh;
-use super::center::{Center, Neighbour, Seam, Side, VALENCE_LIMIT, Way};
+use super::center::{Center, Neighbour, SIDES, Seam, Side, VALENCE_LIMIT, Way};
 use super::mixer::Mixer;
 use super::options::{WayModel, Ways};
 use super::place::{PlaceModel, Star};
@@ -97,12 +97,13 @@ pub(super) struct LevelCoder {
     center: Center,
     /// Of an encoder.
     pub(super) spent: Spent,
-    fan: Vec<u32>,
+    fan: [u32; SIDES],
+    about: [u32; SIDES],
     /// Where in a closed fan the neighbours begin.
     begin: usize,
     /// Triangles of the new vertex.
     pub(super) valence: u16,
-    /// Neighbours of a vertex, and what is known of those of a new one.
+    /// Neighbours of a new vertex, and what is known of them.
     pub(super) ring: Vec<u32>,
     pub(super) star: Star,
     /// Vertices that came along the boundary in this level, by the position of what they split from.
@@ -124,7 +125,8 @@ impl LevelCoder {
             ways: Ways::default(),
             center: Center::default(),
             spent: Spent::default(),
-            fan: Vec::new(),
+            fan: [NONE; SIDES],
+            about: [NONE; SIDES],
             begin: 0,
             valence: 0,
             ring: Vec::new(),
@@ -297,11 +299,11 @@ impl LevelCoder {
         if valence == 0 || valence > VALENCE_LIMIT {
             return false;
         }
-        let closed = surface.fan_of(p, &mut self.fan, &mut self.ring);
-        if self.fan.len() != valence {
+        let Some((corners, closed)) = surface.fan_of(p, &mut self.fan, &mut self.about) else { return false };
+        if corners != valence {
             return false;
         }
-        let ring = &self.ring;
+        let ring = &self.about[..if closed { corners } else { corners + 1 }];
         // A closed fan begins at the last new vertex, or at the lowest neighbour.
         let (mut begin, mut lowest) = (0, u32::MAX);
         if closed {
@@ -387,7 +389,8 @@ impl LevelCoder {
     /// Splits `p`; gives the new vertex.
     fn split(&mut self, surface: &mut Surface, memory: &mut Memory, p: u32, way: Way, part: &mut Level) -> u32 {
         let (from, to) = way.range();
-        let (k, around) = (self.fan.len(), self.center.neighbours());
+        let around = self.center.neighbours();
+        let k = if self.center.closed { around.len() } else { around.len() - 1 };
         let moved = to - from;
         let corner = |i: usize| self.fan[(i + self.begin) % k];
         let corners: Vec<u32> = (from..to).map(corner).collect();
@@ -404,7 +407,7 @@ impl LevelCoder {
             }
             side => {
                 // The corner of p's fan beside the cut, if there is one.
-                let beside = if side == Side::Head { self.fan.get(to).copied() } else { from.checked_sub(1).map(corner) };
+                let beside = if side == Side::Head { (to < k).then(|| self.fan[to]) } else { from.checked_sub(1).map(corner) };
                 surface.insert_at_boundary(&fan, side == Side::Head, beside);
                 1
             }

@@ -191,42 +191,56 @@ impl Surface {
         std::iter::successors(Some(first), after)
     }
 
-    /// Lists the corners of the fan about `v`, as [`Self::around`], and the vertices about it; true if it is closed. Nothing for a
-    /// vertex without triangles.
-    pub(crate) fn fan_of(&self, v: u32, fan: &mut Vec<u32>, ring: &mut Vec<u32>) -> bool {
-        fan.clear();
-        ring.clear();
+    /// Lists the corners of the fan about `v`, as [`Self::around`], and the vertices about it; gives how many corners, and whether it
+    /// is closed. `None` if there are none, or no room for them and one vertex more.
+    pub(crate) fn fan_of<const N: usize>(&self, v: u32, fan: &mut [u32; N], ring: &mut [u32; N]) -> Option<(usize, bool)> {
         let start = self.corner_of[v as usize];
         if start == NONE {
-            return false;
+            return None;
         }
-        let (vertices, mut c) = (self.triangles.as_flattened(), start);
-        loop {
-            fan.push(c);
-            ring.push(vertices[next(c) as usize]);
-            let last = previous(c);
-            c = self.across[last as usize];
+        let (vertices, across) = (self.triangles.as_flattened(), &self.across[..]);
+        let (mut c, mut count) = (start, 0);
+        while count + 1 < N {
+            let k = c % 3;
+            let (after, before) = (if k == 2 { c - 2 } else { c + 1 }, if k == 0 { c + 2 } else { c - 1 });
+            fan[count] = c;
+            ring[count] = vertices[after as usize];
+            count += 1;
+            c = across[before as usize];
             if c == start {
-                return true;
+                return Some((count, true));
             }
             if c == NONE {
-                ring.push(vertices[last as usize]);
-                break;
+                ring[count] = vertices[before as usize];
+                return self.complete_fan(start, count, fan, ring).map(|count| (count, false));
             }
         }
-        // A boundary: what lies clockwise of the start comes first.
-        let (corners, after) = (fan.len(), ring.len());
-        c = self.turn_back(start);
+        None
+    }
+    /// Puts what lies clockwise of the first corner in front; gives how many corners there are then.
+    fn complete_fan<const N: usize>(
+        &self,
+        start: u32,
+        mut count: usize,
+        fan: &mut [u32; N],
+        ring: &mut [u32; N],
+    ) -> Option<usize> {
+        let mut c = self.turn_back(start);
+        let mut found = 0;
         while c != NONE {
-            fan.push(c);
-            ring.push(vertices[next(c) as usize]);
+            if count + 2 > N - 1 {
+                return None;
+            }
+            fan[count] = c;
+            ring[count + 1] = self.vertex(next(c));
+            (count, found) = (count + 1, found + 1);
             c = self.turn_back(c);
         }
-        for (list, after) in [(fan, corners), (ring, after)] {
-            list[after..].reverse();
-            list.rotate_left(after);
-        }
-        false
+        fan[count - found..count].reverse();
+        fan[..count].rotate_right(found);
+        ring[count + 1 - found..=count].reverse();
+        ring[..=count].rotate_right(found);
+        Some(count)
     }
 
     /// The fan that triangles `region` make, its apex the lowest vertex that can be one; `None` if they make none: the only
