@@ -7,10 +7,13 @@ use super::options::{ARC, ENTRY, Listed, TWICE, WayModel, Ways, times, within};
 /// A chance of a split below which none is no news.
 const CLEAR: f32 = 0.2;
 
+/// Lessons after which neighbours' entries are brought back within their bounds: no product overflows in between.
+const BOUNDED_EVERY: u32 = 256;
+
 /// e^step, for small steps.
 #[inline(always)]
 fn growth(step: f32) -> f32 {
-    1.0 + step * (1.0 + step * (0.5 + step * (1.0 / 6.0)))
+    1.0 + step * (1.0 + step * 0.5)
 }
 /// An entry within its bounds.
 #[inline(always)]
@@ -33,6 +36,10 @@ impl WayModel {
         let n = c.count;
         let rate = rate_after(self.seen);
         self.seen += 1.0;
+        self.lessons += 1;
+        if self.lessons.is_multiple_of(BOUNDED_EVERY) {
+            self.bound();
+        }
         let each = if ways.total > 0.0 { -rate * ways.chance / ways.total } else { 0.0 };
         let seam = self.seam[c.seam as usize].map(|s| s * each);
         // How much more than expected each neighbour was a left cut, a right cut, inside (from here on more); arcs by kind and length.
@@ -110,7 +117,7 @@ impl WayModel {
             let growth = [growth(step[0]), growth(step[1]), growth(step[2]), growth(step[3])];
             let [kind, bend, age, run] = at.map(usize::from);
             for roles in [&mut self.kind[kind], &mut self.bend[bend], &mut self.age[age], &mut self.run[run]] {
-                *roles = within(times(*roles, growth), ENTRY);
+                *roles = times(*roles, growth);
             }
         }
         for kind in if c.closed { 0..1 } else { 1..4 } {
@@ -124,6 +131,12 @@ impl WayModel {
         for (table, &at) in self.no.iter_mut().zip(&ways.no) {
             table[at] = bounded(table[at] * against);
         }
+    }
+
+    /// Brings entries that grew beyond their bounds back.
+    fn bound(&mut self) {
+        let tables = [&mut self.kind[..], &mut self.bend, &mut self.age, &mut self.run];
+        tables.into_iter().flatten().for_each(|roles| *roles = within(*roles, ENTRY));
     }
 
     /// Learns which way was taken.
