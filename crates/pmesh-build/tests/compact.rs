@@ -165,6 +165,21 @@ fn any_prefix_of_the_bytes_shows_all_its_splits() {
 }
 
 #[test]
+fn what_the_components_take_is_the_whole_file() {
+    for name in ["part", "globe", "knot"] {
+        let mesh = sample(name).expect("it is built in").mesh;
+        let bytes = encoded(&taken_apart(&mesh, Some(12), BatchOptions::default()), Some(12));
+        let mut receiver = Receiver::default();
+        receiver.push(&bytes).and_then(|()| receiver.finish()).expect("it decodes");
+        let components = receiver.components();
+        let sum: f64 = components.iter().map(|c| c.1).sum();
+        assert!((sum - bytes.len() as f64).abs() < 1e-3, "{name}: {sum} of {}: {components:?}", bytes.len());
+        let geometry = components.iter().find(|c| c.0 == "geometry").map_or(0.0, |c| c.1);
+        assert!(geometry > 0.2 * sum, "{name}: {components:?}");
+    }
+}
+
+#[test]
 fn a_damaged_level_is_not_shown_once_that_is_known() {
     let mesh = sample("part").expect("it is built in").mesh;
     let bytes = encoded(&taken_apart(&mesh, Some(12), BatchOptions::default()), Some(12));

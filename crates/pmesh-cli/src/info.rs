@@ -3,6 +3,7 @@
 use crate::error::{CliError, Result};
 use crate::{input, output};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Show what a stream holds: its levels with bytes, vertices, triangles and error
@@ -32,6 +33,9 @@ struct Report {
     moving_vertices: u32,
     memory_bytes: usize,
     levels: Vec<LevelRow>,
+    /// Bytes by what they say, fractions counted; where the format keeps these apart.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    components: BTreeMap<&'static str, f64>,
     /// What the format's own paper counts.
     statistics: Vec<(&'static str, String)>,
     warnings: Vec<String>,
@@ -46,6 +50,20 @@ struct LevelRow {
     triangles: u32,
     error: Option<f32>,
 }
+
+/// What the components are, for people.
+const COMPONENTS: [(&str, &str); 10] = [
+    ("headers", "header and level table"),
+    ("base", "base mesh"),
+    ("flags", "which vertices split"),
+    ("connectivity", "which triangles go to the new ones"),
+    ("geometry", "where the new ones stand"),
+    ("attributes", "attributes of the new ones"),
+    ("level_ends", "where levels begin and end"),
+    ("levels", "levels"),
+    ("loose", "vertices of no triangle"),
+    ("images", "images"),
+];
 
 /// Most rows of the table for people; `--json` has them all.
 const ROWS: usize = 64;
@@ -92,6 +110,7 @@ pub fn run(args: &Args) -> Result<()> {
         moving_vertices: mesh.vertices().len() as u32 - finest.0,
         memory_bytes: mesh.memory_bytes(),
         levels: rows,
+        components: stream.receiver.components().into_iter().collect(),
         statistics: stream.receiver.statistics(),
         warnings: stream.warnings,
     };
@@ -140,6 +159,14 @@ fn shown(r: &Report) -> String {
         let part = 100.0 * l.bytes as f64 / r.file_bytes as f64;
         lines
             .push(format!("{:>6} {:>10} {:>7.2} % {:>10} {:>10} {:>10}", l.level, l.bytes, part, l.vertices, l.triangles, error));
+    }
+    if !r.components.is_empty() {
+        lines.push("\n     bytes  of file  bits a vertex".to_string());
+    }
+    let present = COMPONENTS.iter().filter_map(|(key, name)| r.components.get(key).map(|bytes| (name, bytes)));
+    for (name, bytes) in present.filter(|c| *c.1 > 0.0) {
+        let (part, each) = (100.0 * bytes / r.file_bytes as f64, 8.0 * bytes / f64::from(r.vertices.max(1)));
+        lines.push(format!("{bytes:>10.0} {part:>6.2} % {each:>14.3}  {name}"));
     }
     lines.extend(r.statistics.iter().map(|(name, value)| format!("{name:<12} {value}")));
     lines.extend(r.warnings.iter().map(|w| format!("warning: {w}")));

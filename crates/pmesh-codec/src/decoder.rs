@@ -84,6 +84,10 @@ pub trait Decoder {
     fn statistics(&self) -> Vec<(&'static str, String)> {
         Vec::new()
     }
+    /// Bytes decoded so far by what they say, fractions counted: (component, bytes). Empty where a format does not keep these apart.
+    fn components(&self) -> Vec<(&'static str, f64)> {
+        Vec::new()
+    }
 }
 
 /// A decoder that chooses the format by the first bytes it is given.
@@ -202,5 +206,8 @@ impl Decoder for Sniffer {
     }
     fn statistics(&self) -> Vec<(&'static str, String)> {
         self.chosen.as_ref().map_or_else(Vec::new, |c| c.statistics())
+    }
+    fn components(&self) -> Vec<(&'static str, f64)> {
+        self.chosen.as_ref().map_or_else(Vec::new, |c| c.components())
     }
 }

@@ -78,4 +78,7 @@ impl Decoder for GzipDecoder {
     fn statistics(&self) -> Vec<(&'static str, String)> {
         self.inner.statistics()
     }
+    fn components(&self) -> Vec<(&'static str, f64)> {
+        self.inner.components()
+    }
 }

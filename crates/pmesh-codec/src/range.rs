@@ -141,10 +141,8 @@ pub(crate) trait Coder {
         true
     }
 
-    /// Bits so far, fractions counted; a decoder does not know.
-    fn position(&self) -> f64 {
-        0.0
-    }
+    /// Bits so far, fractions counted.
+    fn position(&self) -> f64;
 
     /// One choice, by a chance that learns from it.
     #[inline(always)]
@@ -223,6 +221,13 @@ pub(crate) struct SignedModel {
     sign: Chance,
 }
 
+/// A range's logarithm, between powers of two as a straight line: the same on every machine.
+#[inline(always)]
+fn log2(range: u32) -> f64 {
+    let whole = range.ilog2();
+    f64::from(whole) + f64::from(range) / f64::from(1u32 << whole) - 1.0
+}
+
 /// Writes choices to bytes.
 pub(crate) struct Encoder {
     low: u64,
@@ -275,10 +280,7 @@ impl Coder for Encoder {
     }
 
     fn position(&self) -> f64 {
-        // The range's logarithm between powers of two as a straight line: the same on every machine.
-        let whole = self.range.ilog2();
-        let log = f64::from(whole) + f64::from(self.range) / f64::from(1u32 << whole) - 1.0;
-        8.0 * (self.bytes.len() as f64 + self.pending as f64) - log
+        8.0 * (self.bytes.len() as f64 + self.pending as f64) - log2(self.range)
     }
     fn choose(&mut self, zero: u32, bit: bool) -> bool {
         let bound = (self.range >> 16) * zero;
@@ -345,6 +347,9 @@ impl Coder for RangeDecoder {
 
     fn byte_position(&self) -> usize {
         self.at
+    }
+    fn position(&self) -> f64 {
+        8.0 * self.at as f64 - log2(self.range)
     }
     fn has(&self, count: usize) -> bool {
         self.whole || self.bytes.len() - self.at.min(self.bytes.len()) >= count

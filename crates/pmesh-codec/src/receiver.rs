@@ -85,6 +85,10 @@ impl Receiver {
     pub fn statistics(&self) -> Vec<(&'static str, String)> {
         self.decoder.statistics()
     }
+    /// Bytes decoded so far by what they say, fractions counted: (component, bytes); empty where a format does not keep these apart.
+    pub fn components(&self) -> Vec<(&'static str, f64)> {
+        self.decoder.components()
+    }
     /// The base-colour image as sharp as its parts make it, and how many times it was made; empty before.
     pub fn picture(&self) -> (&Arc<Picture>, u32) {
         self.pictures.picture()

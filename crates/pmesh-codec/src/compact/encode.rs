@@ -92,11 +92,7 @@ pub fn encode(stream: &CompactStream, position_bits: Option<u8>, out: &mut impl 
         let mut payload = Vec::new();
         put(&mut payload, levels.reach as u32);
         payload.extend(coder.finish());
-        let (all, own) = (&mut report.spent, levels.spent);
-        all.flags += own.flags;
-        all.ways += own.ways;
-        all.places += own.places;
-        all.attributes += own.attributes;
+        report.spent = report.spent.plus(levels.spent);
         report.removed.0 += count;
         report.removed.1 += payload.len();
         let triangles = (writer.surface.triangles.len() - triangles) as u32;

@@ -77,6 +77,17 @@ pub struct Spent {
     pub attributes: f64,
 }
 
+impl Spent {
+    pub(super) fn plus(self, other: Spent) -> Spent {
+        Spent {
+            flags: self.flags + other.flags,
+            ways: self.ways + other.ways,
+            places: self.places + other.places,
+            attributes: self.attributes + other.attributes,
+        }
+    }
+}
+
 /// The coder of either direction, in steps.
 pub(super) struct LevelCoder {
     /// Most bytes that a vertex takes: announced to a decoder, found by an encoder.
@@ -95,7 +106,6 @@ pub(super) struct LevelCoder {
     edges: f64,
     ways: Ways,
     center: Center,
-    /// Of an encoder.
     pub(super) spent: Spent,
     fan: [u32; SIDES],
     about: [u32; SIDES],
@@ -432,6 +442,8 @@ impl LevelCoder {
 pub(super) struct CompactLevels {
     model: Option<(LevelModel, Memory)>,
     level: Option<Box<LevelCoder>>,
+    /// Of the levels before.
+    before: Spent,
 }
 
 impl Levels for CompactLevels {
@@ -441,8 +453,14 @@ impl Levels for CompactLevels {
         let taken = bytes.len() - reader.rest.len();
         bytes.drain(..taken);
         self.model.get_or_insert_with(|| (LevelModel::new(width), Memory::default()));
+        self.before = self.before.plus(self.level.take().map_or_else(Spent::default, |l| l.spent));
         self.level = Some(Box::new(LevelCoder::new(new_vertices, reach as usize)));
         true
+    }
+    fn components(&self) -> Vec<(&'static str, f64)> {
+        let now = self.level.as_ref().map_or_else(Spent::default, |l| l.spent);
+        let Spent { flags, ways, places, attributes } = self.before.plus(now);
+        vec![("flags", flags), ("connectivity", ways), ("geometry", places), ("attributes", attributes)]
     }
     fn reach(&self) -> usize {
         self.level.as_ref().map_or(usize::MAX, |l| l.reach)

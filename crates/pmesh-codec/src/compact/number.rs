@@ -83,6 +83,10 @@ impl Coder for Counter {
     const ENCODES: bool = true;
     const COUNTS: bool = true;
 
+    fn position(&self) -> f64 {
+        self.bits
+    }
+
     fn byte_position(&self) -> usize {
         (self.bits / 8.0) as usize
     }

@@ -52,6 +52,8 @@ pub struct RefinementDecoder {
     offset: u64,
     base: (u32, u64),
     level_bytes: u64,
+    /// Vertices of no triangle, and images.
+    other_bytes: [u64; 2],
     failed: bool,
     events: VecDeque<Event>,
 }
@@ -78,6 +80,7 @@ impl RefinementDecoder {
             offset: 0,
             base: (0, 0),
             level_bytes: 0,
+            other_bytes: [0; 2],
             failed: false,
             events: VecDeque::new(),
         }
@@ -136,6 +139,7 @@ impl RefinementDecoder {
             self.check()?;
         }
         if block.kind != BlockKind::Level {
+            self.other_bytes[1] += size as u64;
             self.events.push_back(Event::Texture(texture_of(block.kind, bytes, place)?));
             self.block += 1;
             return Ok(true);
@@ -143,6 +147,7 @@ impl RefinementDecoder {
         let last = !header.blocks[self.block + 1..].iter().any(|b| b.kind == BlockKind::Level);
         self.job = Some(if self.levels > 0 && block.new_triangles == 0 && last {
             // Vertices that no triangle uses.
+            self.other_bytes[0] += size as u64;
             let total = self.rows.count() + block.new_vertices;
             let rest = BaseCoder::new(total, 0, self.rows.width);
             Job::Base(RangeDecoder::new(bytes), Box::new(rest), 0)
@@ -293,6 +298,18 @@ impl Decoder for RefinementDecoder {
     }
     fn poll(&mut self) -> Option<Event> {
         self.events.pop_front()
+    }
+    fn components(&self) -> Vec<(&'static str, f64)> {
+        let mut all = vec![("headers", self.head.len() as f64), ("base", self.base.1 as f64)];
+        let levels: Vec<_> = self.levels_of.components().into_iter().map(|(name, bits)| (name, bits / 8.0)).collect();
+        let known: f64 = levels.iter().map(|l| l.1).sum();
+        // What the blocks of the levels take beyond that; of one that is arriving, what has been read.
+        let rest = (self.level_bytes as f64 - self.missing as f64 - known).max(0.0);
+        let name = if levels.is_empty() { "levels" } else { "level_ends" };
+        all.extend(levels);
+        all.push((name, rest));
+        all.extend(["loose", "images"].into_iter().zip(self.other_bytes.map(|b| b as f64)));
+        all
     }
     fn statistics(&self) -> Vec<(&'static str, String)> {
         let (base, all) = (self.base.0, self.rows.count());

@@ -29,6 +29,10 @@ pub(crate) trait Levels: Send {
     fn reach(&self) -> usize {
         usize::MAX
     }
+    /// Bits of the levels so far, by what they say: (component, bits).
+    fn components(&self) -> Vec<(&'static str, f64)> {
+        Vec::new()
+    }
     /// Goes on by about `limit` triangles or vertices; true once the level is whole. `part` gets what it brings, vertices
     /// left out: those are `rows`.
     fn step(
