@@ -1,7 +1,10 @@
 //! Chores in Rust, so that two commands do everything: `cargo xtask demo` and `cargo xtask test`.
 
 mod build;
+mod fuzz;
 mod peers;
+mod plot;
+mod prefixes;
 mod serve;
 mod shell;
 mod test;
@@ -48,9 +51,10 @@ enum Command {
     /// Build the browser modules in release and report their sizes
     Build,
     /// Measure natively and in Chromium: encode, decode, level selection, memory; with --quality the simplifier's error; `bench
-    /// peers [MESH…]` sets our streams beside Draco and meshoptimizer
+    /// peers [MESH…]` sets our streams beside Draco and meshoptimizer, `bench prefix [MESH…]` every part of ours beside the best file
+    /// of its size
     Bench {
-        /// "peers" first, or meshes; the samples, and those in ../shared/models, by default
+        /// "peers" or "prefix" first, or meshes; the samples, and those in ../shared/models, by default
         meshes: Vec<PathBuf>,
         /// Where every figure of `bench peers` goes, too
         #[arg(long)]
@@ -64,6 +68,14 @@ enum Command {
         /// Meshes: OBJ, PLY, STL, OFF, glTF, GLB
         #[arg(required = true)]
         meshes: Vec<PathBuf>,
+    },
+    /// Throw made-up bytes at the decoders, and made-up meshes at the encoders, for a while; needs a C++ compiler
+    Fuzz {
+        /// decode, cuts or round_trip; all by default
+        targets: Vec<String>,
+        /// Seconds for each
+        #[arg(long, default_value_t = 60)]
+        seconds: u64,
     },
     /// Renew the screenshots of the README in docs/
     Screenshots,
@@ -92,8 +104,10 @@ fn run(command: Command) -> Result<()> {
         Command::Bench { meshes, csv, .. } if meshes.first().is_some_and(|m| m.as_os_str() == "peers") => {
             peers::run(&meshes[1..], csv.as_deref())
         }
+        Command::Bench { meshes, .. } if meshes.first().is_some_and(|m| m.as_os_str() == "prefix") => prefixes::run(&meshes[1..]),
         Command::Bench { meshes, quality, .. } => test::bench(&meshes, quality),
         Command::Compare { meshes } => test::compare(&meshes),
+        Command::Fuzz { targets, seconds } => fuzz::run_targets(&targets, seconds),
         Command::Screenshots => test::screenshots(),
     }
 }

@@ -46,15 +46,6 @@ pub fn run(meshes: &[PathBuf], csv: Option<&Path>) -> Result<()> {
     println!("{}", bytes_table(&table, &folder)?);
     heading("prefix beside Draco at other precisions, and speed in millions of triangles a second");
     println!("{}", speed_table(&table, &folder)?);
-    heading("error of the prefix profile after parts of Draco's bytes, 1/10000 of the diagonal");
-    let mut command = native_bench(&folder);
-    for mesh in &meshes {
-        let name = mesh.file_stem().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        let Some(reference) = figures(&table, &name, REFERENCE, 12) else { continue };
-        command.arg(mesh).arg("--prefix").arg(reference.bytes.to_string());
-    }
-    println!("mesh\tpart\tbytes\ttriangles\trms\tmax");
-    output_of(&mut command)?;
     if let Some(path) = csv {
         let text = lines.iter().fold("mesh,coder,bits,bytes,encode_secs,decode_secs\n".to_string(), |mut s, l| {
             let _ = writeln!(s, "{}", l.split('\t').take(6).collect::<Vec<_>>().join(","));
@@ -65,13 +56,13 @@ pub fn run(meshes: &[PathBuf], csv: Option<&Path>) -> Result<()> {
     Ok(())
 }
 
-fn native_bench(folder: &Path) -> std::process::Command {
+pub fn native_bench(folder: &Path) -> std::process::Command {
     let mut command = program("cargo", &[]);
     command.current_dir(root()).args(["bench", "--quiet", "-p", "pmesh-build", "--bench", "peers", "--"]).arg(folder);
     command
 }
 
-fn shared_models() -> Result<Vec<PathBuf>> {
+pub fn shared_models() -> Result<Vec<PathBuf>> {
     let folder = root().join("../shared/models");
     let entries =
         std::fs::read_dir(&folder).map_err(|_| "name the meshes to measure: there is no folder of models beside the project")?;

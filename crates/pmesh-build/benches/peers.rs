@@ -3,8 +3,8 @@
 //! `cargo bench -p pmesh-build --bench peers -- FOLDER FILE…` prepares each mesh as all coders get it (positions only; equal
 //! positions are one vertex, vertices of no triangle are left out, and triangles that are then degenerate), writes it to FOLDER
 //! as plain numbers (NAME.raw: vertex and triangle count, floats, indices), writes our streams beside it, and prints a line each:
-//! name, stream, bits, bytes, seconds to encode, seconds to decode. `--prefix BYTES` after a file: the error after parts of
-//! so many bytes.
+//! name, stream, bits, bytes, seconds to encode, seconds to decode. After a file, `--raw` stops at NAME.raw, and `--curve BYTES`
+//! measures instead: our error after parts of so many bytes and in between, then that of each mesh in FOLDER/NAME.lod.
 #![allow(missing_docs)]
 // Times are what this is for.
 #![allow(clippy::disallowed_methods)]
@@ -26,6 +26,8 @@ use std::time::Instant;
 const SAMPLES_A_SIDE: usize = 200_000;
 /// Parts of the reference's bytes at which the error is measured.
 const PARTS: [f64; 5] = [0.05, 0.1, 0.2, 0.4, 0.7];
+/// Points of a curve between the first picture and the whole.
+const POINTS: usize = 24;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
@@ -69,6 +71,15 @@ fn raw(mesh: &IndexedMesh) -> Vec<u8> {
     out
 }
 
+fn from_raw(bytes: &[u8]) -> Option<IndexedMesh> {
+    let words: Vec<[u8; 4]> = bytes.chunks_exact(4).filter_map(|w| w.try_into().ok()).collect();
+    let (counts, rest) = words.split_at_checked(2)?;
+    let (positions, corners) = rest.split_at_checked(3 * u32::from_le_bytes(counts[0]) as usize)?;
+    let positions = positions.chunks_exact(3).map(|p| [p[0], p[1], p[2]].map(f32::from_le_bytes)).collect();
+    let triangles = corners.chunks_exact(3).map(|t| [t[0], t[1], t[2]].map(u32::from_le_bytes)).collect();
+    Some(IndexedMesh { vertices: Vertices { positions, ..Default::default() }, triangles, ..Default::default() })
+}
+
 fn compact(mesh: &IndexedMesh, bits: u8, profile: Profile) -> Outcome<Vec<u8>> {
     let options = BatchOptions { profile, ..Default::default() };
     let taken = collapse_batches(&quantise(mesh, Some(bits)), options, |_| ());
@@ -109,17 +120,32 @@ fn run(name: &str, mesh: &IndexedMesh, folder: &Path) -> Outcome<()> {
     })
 }
 
-/// Error of what a client shows after parts of `reference` bytes.
-fn prefixes(name: &str, mesh: &IndexedMesh, reference: f64) -> Outcome<()> {
+fn report(name: &str, what: &str, bytes: usize, mesh: &IndexedMesh, whole: &IndexedMesh) {
+    let d = deviation(whole, mesh, SAMPLES_A_SIDE);
+    println!("{name}\t{what}\t{bytes}\t{}\t{:.3}\t{:.2}", mesh.triangles.len(), d.rms * 1e4, d.max * 1e4);
+}
+
+/// Error of what a client shows after parts of `reference` bytes, after others, and of the meshes that could have been sent instead.
+fn curve(name: &str, mesh: &IndexedMesh, reference: f64, folder: &Path) -> Outcome<()> {
     let whole = quantise(mesh, Some(12));
     let bytes = compact(mesh, 12, Profile::Prefix)?;
-    for part in PARTS {
-        let at = (reference * part) as usize;
+    let shown = |at: usize| -> Outcome<IndexedMesh> {
         let mut receiver = Receiver::default();
         receiver.push(&bytes[..at.min(bytes.len())])?;
-        let shown = receiver.newest_mesh();
-        let d = deviation(&whole, &shown, SAMPLES_A_SIDE);
-        println!("{name}\t{part}\t{at}\t{}\t{:.3}\t{:.2}", shown.triangles.len(), d.rms * 1e4, d.max * 1e4);
+        Ok(receiver.newest_mesh())
+    };
+    for part in PARTS {
+        let at = (reference * part) as usize;
+        report(name, &format!("{part}"), at, &shown(at)?, &whole);
+    }
+    let first = decode(&bytes)?.info().and_then(|i| i.levels.as_ref()?.first().map(|l| l.end_byte)).unwrap_or(1) as f64;
+    for i in 0..=POINTS {
+        let at = (first * (bytes.len() as f64 / first).powf(i as f64 / POINTS as f64)).round() as usize;
+        report(name, "ours", at, &shown(at)?, &whole);
+    }
+    for i in 0.. {
+        let Ok(bytes) = std::fs::read(folder.join(format!("{name}.lod/{i}.raw"))) else { break };
+        report(name, &format!("lod {i}"), 0, &from_raw(&bytes).ok_or("a mesh that is cut off")?, &whole);
     }
     Ok(())
 }
@@ -131,8 +157,10 @@ fn main() -> Outcome<()> {
         let bytes = std::fs::read(&path).map_err(|e| format!("{path}: {e}"))?;
         let mesh = prepared(&import(&path, &bytes, &mut |_| None)?.mesh);
         let name = Path::new(&path).file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-        if args.next_if(|a| a == "--prefix").is_some() {
-            prefixes(&name, &mesh, args.next().ok_or("--prefix needs a number")?.parse()?)?;
+        if args.next_if(|a| a == "--curve").is_some() {
+            curve(&name, &mesh, args.next().ok_or("--curve needs a number")?.parse()?, &folder)?;
+        } else if args.next_if(|a| a == "--raw").is_some() {
+            std::fs::write(folder.join(format!("{name}.raw")), raw(&mesh))?;
         } else {
             run(&name, &mesh, &folder)?;
         }

@@ -5,63 +5,17 @@
 import fs from 'node:fs';
 import path from 'node:path';
 import zlib from 'node:zlib';
-import { createRequire } from 'node:module';
 import { pathToFileURL } from 'node:url';
+import { loadDraco, packagesIn, read, say, seconds } from './shared.mjs';
 
 const [folder, packages, pkg] = process.argv.slice(2);
-const require = createRequire(path.join(packages, 'package.json'));
-const seconds = (work) => {
-  const start = performance.now();
-  const out = work();
-  return [out, ((performance.now() - start) / 1000).toFixed(4)];
-};
-const say = (...words) => process.stdout.write(`${words.join('\t')}\n`);
-
-function read(file) {
-  const bytes = fs.readFileSync(file);
-  const [vertices, triangles] = new Uint32Array(bytes.buffer, bytes.byteOffset, 2);
-  const positions = new Float32Array(bytes.buffer.slice(bytes.byteOffset + 8, bytes.byteOffset + 8 + 12 * vertices));
-  const from = bytes.byteOffset + 8 + 12 * vertices;
-  return { vertices, triangles, positions, indices: new Uint32Array(bytes.buffer.slice(from, from + 12 * triangles)) };
-}
-
-const dracoEncoder = await require('draco3d').createEncoderModule({});
-const dracoDecoder = await require('draco3d').createDecoderModule({});
+const require = packagesIn(packages);
+const { encode, decode } = await loadDraco(require);
 
 function draco(name, mesh, level, bits) {
-  const d = dracoEncoder;
-  const encode = () => {
-    const [encoder, builder, out, target] = [new d.Encoder(), new d.MeshBuilder(), new d.DracoInt8Array(), new d.Mesh()];
-    builder.AddFacesToMesh(target, mesh.triangles, mesh.indices);
-    builder.AddFloatAttributeToMesh(target, d.POSITION, mesh.vertices, 3, mesh.positions);
-    encoder.SetSpeedOptions(10 - level, 10 - level);
-    encoder.SetEncodingMethod(d.MESH_EDGEBREAKER_ENCODING);
-    encoder.SetAttributeQuantization(d.POSITION, bits);
-    const size = encoder.EncodeMeshToDracoBuffer(target, out);
-    const bytes = new Int8Array(size);
-    for (let i = 0; i < size; i++) bytes[i] = out.GetValue(i);
-    [encoder, builder, out, target].forEach((x) => d.destroy(x));
-    return bytes;
-  };
-  const [bytes, encodeSecs] = seconds(encode);
-  const [faces, decodeSecs] = seconds(() => {
-    const m = dracoDecoder;
-    const [decoder, buffer, target] = [new m.Decoder(), new m.DecoderBuffer(), new m.Mesh()];
-    buffer.Init(bytes, bytes.length);
-    if (!decoder.DecodeBufferToMesh(buffer, target).ok()) throw new Error(`${name}: Draco does not decode what it wrote`);
-    const n = target.num_faces();
-    const size = n * 12;
-    const pointer = m._malloc(size);
-    decoder.GetTrianglesUInt32Array(target, size, pointer);
-    const attribute = decoder.GetAttributeId(target, m.POSITION);
-    const positions = target.num_points() * 12;
-    const floats = m._malloc(positions);
-    decoder.GetAttributeDataArrayForAllPoints(target, decoder.GetAttribute(target, attribute), m.DT_FLOAT32, positions, floats);
-    [pointer, floats].forEach((p) => m._free(p));
-    [decoder, buffer, target].forEach((x) => m.destroy(x));
-    return n;
-  });
-  say(name, `draco cl${level}`, bits, bytes.length, encodeSecs, decodeSecs, mesh.triangles - faces);
+  const [bytes, encodeSecs] = seconds(() => encode(mesh, level, bits));
+  const [again, decodeSecs] = seconds(() => decode(bytes));
+  say(name, `draco cl${level}`, bits, bytes.length, encodeSecs, decodeSecs, mesh.triangles - again.triangles);
 }
 
 const { MeshoptEncoder, MeshoptDecoder } = require('meshoptimizer');

@@ -167,7 +167,7 @@ impl PmeshDecoder {
             BlockKind::Level => format!("level block {}", self.block),
             BlockKind::Texture | BlockKind::Picture => "the texture".to_string(),
         };
-        if std::mem::take(&mut self.checksum).finalize() != block.checksum {
+        if std::mem::take(&mut self.checksum).finalize() != block.checksum && !crate::FUZZING {
             return Err(DecodeError::Checksum { place, what });
         }
         match &mut self.state {

@@ -220,7 +220,7 @@ impl Header {
     /// Reads a whole header, whose length [`Self::byte_count`] gave.
     pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Self, DecodeError> {
         let (body, checksum) = bytes.split_at(bytes.len() - 4);
-        if crc32fast::hash(body).to_le_bytes() != checksum {
+        if crc32fast::hash(body).to_le_bytes() != checksum && !crate::FUZZING {
             return Err(DecodeError::Checksum { place: Place::Byte(0), what: "the header".into() });
         }
         let mut reader = Reader { rest: &body[PREAMBLE_BYTES..] };

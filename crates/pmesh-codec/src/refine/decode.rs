@@ -172,7 +172,7 @@ impl RefinementDecoder {
     /// The checksum of the block whose bytes have all arrived.
     fn check(&self) -> Result<(), DecodeError> {
         let expected = self.header.as_ref().and_then(|h| h.blocks.get(self.block)).map(|b| b.checksum);
-        if expected == Some(self.container.checksum_of(self.checksum.clone())) {
+        if expected == Some(self.container.checksum_of(self.checksum.clone())) || crate::FUZZING {
             return Ok(());
         }
         Err(DecodeError::Checksum { place: Place::Byte(self.offset), what: format!("block {}", self.block) })
