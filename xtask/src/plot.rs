@@ -32,7 +32,8 @@ pub fn log_plot(title: &str, curves: &[Curve]) -> String {
     for v in ticks(xs) {
         let at = x(v);
         let _ = writeln!(out, "<path d=\"M{at:.1} {MARGIN}V{:.1}\" stroke=\"#ddd\"/>", HEIGHT - MARGIN);
-        let _ = writeln!(out, "<text x=\"{at:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>", HEIGHT - MARGIN + 18.0, short(v));
+        let _ =
+            writeln!(out, "<text x=\"{at:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>", HEIGHT - MARGIN + 18.0, short(v));
     }
     for v in ticks(ys) {
         let at = y(v);
@@ -46,7 +47,12 @@ pub fn log_plot(title: &str, curves: &[Curve]) -> String {
         let line = points.join(" ");
         let _ = writeln!(out, "<polyline points=\"{line}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"{width}\"/>");
         let at = MARGIN + 18.0 * (i as f64 + 1.0);
-        let _ = writeln!(out, "<text x=\"{:.1}\" y=\"{at:.1}\" text-anchor=\"end\" fill=\"{color}\">{}</text>", WIDTH - MARGIN - 8.0, curve.name);
+        let _ = writeln!(
+            out,
+            "<text x=\"{:.1}\" y=\"{at:.1}\" text-anchor=\"end\" fill=\"{color}\">{}</text>",
+            WIDTH - MARGIN - 8.0,
+            curve.name
+        );
     }
     out + "</svg>\n"
 }
@@ -59,5 +65,11 @@ fn ticks((low, high): (f64, f64)) -> Vec<f64> {
 }
 
 fn short(v: f64) -> String {
-    if v >= 1e6 { format!("{}M", v / 1e6) } else if v >= 1e3 { format!("{}k", v / 1e3) } else { format!("{}", (v * 1e6).round() / 1e6) }
+    if v >= 1e6 {
+        format!("{}M", v / 1e6)
+    } else if v >= 1e3 {
+        format!("{}k", v / 1e3)
+    } else {
+        format!("{}", (v * 1e6).round() / 1e6)
+    }
 }

@@ -108,12 +108,15 @@ fn best(mut files: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
 }
 
 fn table(all: &BTreeMap<String, Measured>) -> String {
-    let mut out = "| mesh | of Draco's bytes | bytes | triangles | ours | best file | ours / best |\n|---|---|---|---|---|---|---|\n".to_string();
+    let mut out =
+        "| mesh | of Draco's bytes | bytes | triangles | ours | best file | ours / best |\n|---|---|---|---|---|---|---|\n"
+            .to_string();
     for (name, m) in all {
         for &(part, bytes, triangles, rms) in &m.parts {
             let other = m.envelope.iter().rfind(|f| f.0 <= bytes).map_or(f64::NAN, |f| f.1);
             let part = 100.0 * part;
-            let _ = writeln!(out, "| {name} | {part:.0} % | {bytes} | {triangles} | {rms:.2} | {other:.2} | {:.2} |", rms / other);
+            let _ =
+                writeln!(out, "| {name} | {part:.0} % | {bytes} | {triangles} | {rms:.2} | {other:.2} | {:.2} |", rms / other);
         }
     }
     out

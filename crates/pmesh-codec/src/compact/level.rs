@@ -35,7 +35,7 @@ impl LevelModel {
         let sizes = [BINS * BINS * 4, BINS * 8 * 6, 6 * 16 * 5];
         Self {
             flag: Mixer::new(sizes, 4, 0.5 / 3.0, 0.7),
-            again: Mixer::new([18 * 18 * 4, 16 * 18 * 4, 6 * 16 * 6, 18 * 18 * 4, 16 * 8 * 18], 1, 0.3, 0.0),
+            again: Mixer::new([18 * 18 * 4, 16 * 18 * 4, 6 * 16 * 6, 18 * 18 * 4, 16 * 8 * 18], 1, 0.2, 0.4),
             ways: WayModel::new(),
             place: PlaceModel::new(),
             attributes: (3..width).map(|_| SignedModel::default()).collect(),
@@ -234,7 +234,7 @@ impl LevelCoder {
                 let site = &memory.sites[p as usize];
                 let valence = usize::from(site.valence).min(17);
                 let w = &self.ways;
-                let bin = ((w.opinion * 1.5 + 8.0) as i32).clamp(0, BINS as i32 - 1) as usize;
+                let bin = ((w.rest * 1.5 + 8.0) as i32).clamp(0, BINS as i32 - 1) as usize;
                 let ages = self.center.age.min(5);
                 let at = [
                     (valence * 18 + moved) * 4 + splits.min(3),
@@ -243,7 +243,7 @@ impl LevelCoder {
                     (w.free.min(17) * 18 + moved) * 4 + splits.min(3),
                     (bin * 8 + model.levels.min(7)) * 18 + moved,
                 ];
-                let again = model.again.code(coder, 0, at, 0.0, wanted > 0);
+                let again = model.again.code(coder, 0, at, w.rest, wanted > 0);
                 self.spent.flags += coder.position() - before;
                 if !again {
                     break;

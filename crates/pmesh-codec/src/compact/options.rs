@@ -78,6 +78,9 @@ pub(super) struct Ways {
     pub(super) chance: f32,
     /// The same in the logistic domain.
     pub(super) opinion: f32,
+    ratio: f32,
+    /// The chance of one more, as far as the ways beside the one taken say, in the logistic domain.
+    pub(super) rest: f32,
     pub(super) no: [usize; NO],
     pub(super) fan: Box<Fan>,
     /// Of the vertex itself: its edges' root mean square, its normal.
@@ -297,6 +300,7 @@ impl WayModel {
         out.no = [n, out.mean_length, out.fresh, c.age, c.splits, c.seam as usize].map(|x| x.min(SIDES - 1));
         let no: f32 = (0..NO).map(|i| self.no[i][out.no[i]]).product::<f32>() * against;
         out.chance = total / (total + no);
+        out.ratio = total / no;
         out.opinion = ln(larger(total / no, 1e-9)).clamp(-8.0, 8.0);
     }
 
@@ -312,7 +316,16 @@ impl WayModel {
         }));
         let taken = out.by_halves(coder, index);
         self.learn_way(out, taken);
-        out.ways.get(taken).map(|w| w.way)
+        let way = out.ways.get(taken)?.way;
+        // Ways that could come after this one: those beside its arc.
+        let (from, to) = way.range();
+        let beside = |w: &&Listed| {
+            let (a, b) = w.way.range();
+            a >= to && b <= from + c.count || b <= from
+        };
+        let rest: f32 = out.ways.iter().filter(beside).map(|w| w.weight).sum();
+        out.rest = ln(larger(rest / larger(sum, 1e-30) * out.ratio, 1e-9)).clamp(-8.0, 8.0);
+        Some(way)
     }
 
     /// Lists all ways with their weights. O(neighbours²).
