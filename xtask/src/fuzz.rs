@@ -52,7 +52,14 @@ pub fn run_targets(only: &[String], seconds: u64) -> Result<()> {
         }
         let mut fuzzer = program(&folder.join(host).join("release").join(target).to_string_lossy(), &[]);
         fuzzer.arg(&corpus).arg(format!("-max_total_time={seconds}")).arg(format!("-artifact_prefix={}/", found.display()));
-        fuzzer.args(["-max_len=60000", "-timeout=30", "-rss_limit_mb=2000", "-print_final_stats=1", "-verbosity=0"]);
+        fuzzer.args([
+            "-max_len=60000",
+            "-timeout=30",
+            "-rss_limit_mb=2000",
+            "-print_final_stats=1",
+            "-verbosity=0",
+            "-print_funcs=0",
+        ]);
         run(&mut fuzzer).map_err(|e| format!("{e}\nthe input that broke it is in {}", found.display()))?;
     }
     Ok(())

@@ -61,6 +61,15 @@ fn every_sample_comes_back_exactly() {
 }
 
 #[test]
+fn a_precision_that_no_header_can_say_is_refused() {
+    let mesh = sample("tetrahedra").expect("it is one").mesh;
+    for bits in [0, 7, 17, 255] {
+        let error = encode(&taken_apart(&mesh, None, SMALL), Some(bits), &mut Vec::new()).expect_err("it says so");
+        assert!(error.to_string().contains("8 to 16"), "{error}");
+    }
+}
+
+#[test]
 fn both_sides_of_a_seam_go_and_come_together() {
     let mut mesh = globe(40).mesh;
     link_seams(&mut mesh);

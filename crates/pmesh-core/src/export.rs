@@ -47,15 +47,17 @@ impl ProgressiveMultilevelMesh {
     fn without_superseded(&self, vertices: Vertices, triangles: Vec<[u32; 3]>) -> IndexedMesh {
         let count = vertices.len() as u32;
         let seams = self.seams.iter().copied().filter(|s| s.0 < count);
-        let Some(map) = &self.versions else {
-            return IndexedMesh { vertices, triangles, position_of: seams.collect() };
+        let (vertices, triangles, mut position_of) = match &self.versions {
+            None => (vertices, triangles, seams.collect::<Vec<_>>()),
+            Some(map) => (
+                vertices.select(map.newest_below(count)),
+                triangles.iter().map(|t| t.map(|v| map.logical(v))).collect(),
+                seams.map(|(v, p)| (map.logical(v), map.logical(p))).collect(),
+            ),
         };
-        let newest = map.newest_below(count);
-        IndexedMesh {
-            vertices: vertices.select(newest.iter().copied()),
-            triangles: triangles.iter().map(|t| t.map(|v| map.logical(v))).collect(),
-            position_of: seams.map(|(v, p)| (map.logical(v), map.logical(p))).collect(),
-        }
+        // A stream may move one side of a seam alone, or morph the two from different places: then the seam is open at this level.
+        position_of.retain(|&(v, p)| vertices.positions[v as usize] == vertices.positions[p as usize]);
+        IndexedMesh { vertices, triangles, position_of }
     }
 }
 
@@ -74,5 +76,32 @@ fn mix<const N: usize>(values: &mut [[f32; N]], coarse: &[u32], first: usize, t:
     for (i, &r) in coarse.iter().enumerate() {
         let (own, other) = (values[first + i], values[r as usize]);
         values[first + i] = std::array::from_fn(|k| own[k] + (other[k] - own[k]) * t);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::{IndexedMesh, Level, MovedVertices, ProgressiveMultilevelMesh, Vertices};
+
+    fn at(positions: &[[f32; 3]]) -> Vertices {
+        Vertices { positions: positions.to_vec(), ..Default::default() }
+    }
+
+    #[test]
+    fn a_seam_that_is_pulled_apart_is_no_seam() {
+        let base = Level {
+            vertices: at(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0; 3]]),
+            triangles: vec![[0, 1, 2], [3, 2, 1]],
+            position_of: vec![(3, 0)],
+            ..Default::default()
+        };
+        let one_side = MovedVertices { ids: vec![0], values: at(&[[0.0, 0.0, 1.0]]) };
+        let mut mesh = ProgressiveMultilevelMesh::new(Default::default());
+        mesh.add_level(&base).expect("a base");
+        mesh.add_level(&Level { moved: one_side, ..Default::default() }).expect("a move");
+        let seams = |m: &IndexedMesh| m.check().map(|()| m.position_of.clone());
+        assert_eq!(seams(&mesh.mesh_at(1.0).expect("the coarsest")), Ok(vec![(3, 0)]));
+        assert_eq!(seams(&mesh.mesh_at(0.5).expect("between")), Ok(vec![]));
+        assert_eq!(seams(&mesh.finest_mesh()), Ok(vec![]));
     }
 }

@@ -77,7 +77,12 @@ fn check(stream: &LevelStream, options: EncodeOptions) -> Result<(), EncodeError
         let expected = "1 to 64 levels (63 with a texture), an error each: merge levels first";
         return Err(EncodeError::BadOption { what: "the number of levels", got, expected });
     }
-    match options.position_bits {
+    check_precision(options.position_bits)
+}
+
+/// What a header can say, and every decoder takes.
+pub(crate) fn check_precision(position_bits: Option<u8>) -> Result<(), EncodeError> {
+    match position_bits {
         Some(b) if !(8..=16).contains(&b) => Err(EncodeError::BadOption {
             what: "bits a coordinate",
             got: b.to_string(),

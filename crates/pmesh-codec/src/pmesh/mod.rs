@@ -13,6 +13,7 @@ pub(crate) mod varint;
 
 pub use channels::{Quantisation, quantise};
 pub use decode::PmeshDecoder;
+pub(crate) use encode::check_precision;
 pub use encode::{EncodeOptions, LevelStream, encode};
 
 /// First eight bytes of the file: not text, not 7-bit, no line ending survives a conversion unseen.

@@ -5,6 +5,7 @@ use super::item_limit;
 use super::rows::Rows;
 use super::surface::{NONE, Surface};
 use crate::pmesh::channels::{Channels, Quantisation};
+use crate::pmesh::check_precision;
 use crate::pmesh::header::{Block, BlockKind, Container, Header};
 use crate::pmesh::texture;
 use crate::range::Encoder;
@@ -49,6 +50,7 @@ impl Writer {
         in_levels: impl Fn(u32) -> bool,
         error: Option<&f32>,
     ) -> Result<Self, EncodeError> {
+        check_precision(position_bits)?;
         let set = mesh.vertices.set();
         let grids = Quantisation::fit(&mesh.vertices, position_bits);
         let channels = Channels::new(set, grids);
