@@ -1,7 +1,13 @@
-//! Triangles that know what lies across their edges, and the canonical order of them (C.10, C.12).
+//! Triangles that know what lies across their edges (C.10).
+
+mod builder;
+mod canonical;
+
+pub use builder::SurfaceBuilder;
+pub use canonical::CanonicalOrder;
 
 use pmesh_core::turned;
-use std::collections::{HashMap, VecDeque};
+use std::collections::HashMap;
 
 /// Stands for "nothing there".
 pub const NONE: u32 = u32::MAX;
@@ -25,111 +31,6 @@ pub struct Surface {
     pub across: Vec<u32>,
     /// A corner of each vertex, or [`NONE`].
     pub corner_of: Vec<u32>,
-}
-
-/// Finds what lies across each edge, in steps.
-#[derive(Clone, Debug, Default)]
-pub struct SurfaceBuilder {
-    /// The surface, once it is whole.
-    pub surface: Surface,
-    /// By vertex: where the edges that leave it end in `edges`, and one entry more.
-    ends: Vec<u32>,
-    /// (where to, corner) of the edges, by the vertex that they leave.
-    edges: Vec<(u32, u32)>,
-    at: u32,
-    stage: Stage,
-}
-
-/// What is done with each corner, or each vertex, in turn.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-enum Stage {
-    /// Edges are counted.
-    #[default]
-    Count,
-    /// They are filed by the vertex that they leave.
-    File,
-    /// Those of each vertex are sorted by where they lead.
-    Sort,
-    /// Each is paired with the one that leads back.
-    Pair,
-}
-
-impl SurfaceBuilder {
-    /// Begins.
-    pub fn new(triangles: Vec<[u32; 3]>, vertex_count: u32) -> Self {
-        let (across, corner_of) = (vec![NONE; triangles.len() * 3], vec![NONE; vertex_count as usize]);
-        let edges = vec![(NONE, NONE); across.len()];
-        let ends = vec![0; vertex_count as usize + 1];
-        Self { surface: Surface { triangles, across, corner_of }, ends, edges, ..Default::default() }
-    }
-    /// Goes on by about `limit` corners; true once the surface is whole. O(triangles), and a logarithm of the valence.
-    pub fn step(&mut self, limit: usize) -> bool {
-        let count = if self.stage == Stage::Sort { self.ends.len() - 1 } else { self.edges.len() } as u32;
-        let end = (u64::from(self.at) + limit as u64).min(u64::from(count)) as u32;
-        for i in self.at..end {
-            self.one(i);
-        }
-        self.at = end;
-        if end < count {
-            return false;
-        }
-        self.at = 0;
-        self.stage = match self.stage {
-            Stage::Count => {
-                // From counts to where each vertex's edges begin: filing them moves that to where they end.
-                let mut sum = 0;
-                for e in &mut self.ends {
-                    sum += std::mem::replace(e, sum);
-                }
-                Stage::File
-            }
-            Stage::File => Stage::Sort,
-            Stage::Sort => Stage::Pair,
-            Stage::Pair => {
-                (self.ends, self.edges) = Default::default();
-                return true;
-            }
-        };
-        false
-    }
-    fn one(&mut self, i: u32) {
-        let surface = &mut self.surface;
-        if self.stage == Stage::Sort {
-            let edges = self.leaving(i);
-            self.edges[edges].sort_unstable();
-            return;
-        }
-        let (a, b) = (surface.vertex(i), surface.vertex(next(i)));
-        match self.stage {
-            Stage::Count => {
-                self.ends[a as usize] += 1;
-                let first = &mut surface.corner_of[a as usize];
-                *first = (*first).min(i);
-            }
-            Stage::File => {
-                let place = &mut self.ends[a as usize];
-                self.edges[*place as usize] = (b, i);
-                *place += 1;
-            }
-            _ => {
-                if let (Some(_), Some(other)) = (self.only(a, b), self.only(b, a).filter(|_| a != b)) {
-                    self.surface.across[i as usize] = other;
-                }
-            }
-        }
-    }
-    /// Where the edges are that leave a vertex.
-    fn leaving(&self, v: u32) -> std::ops::Range<usize> {
-        let start = if v == 0 { 0 } else { self.ends[v as usize - 1] };
-        start as usize..self.ends[v as usize] as usize
-    }
-    /// The corner of the edge from `a` to `b`, if there is one and no other.
-    fn only(&self, a: u32, b: u32) -> Option<u32> {
-        let edges = &self.edges[self.leaving(a)];
-        let first = edges.partition_point(|e| e.0 < b);
-        let (found, other) = (edges.get(first)?, edges.get(first + 1));
-        (found.0 == b && other.is_none_or(|o| o.0 != b)).then_some(found.1)
-    }
 }
 
 /// What a new vertex is put into: the triangles around its representative, in order (C.6).
@@ -395,81 +296,6 @@ impl Surface {
         self.corner_of.push(one);
         self.corner_of[fan.apex as usize] = apex;
         v
-    }
-}
-
-/// The canonical order: breadth first over vertices from vertex 0, about each of them the triangles that are not listed yet,
-/// counter-clockwise; a boundary vertex begins at its clockwise-most triangle, another at the edge to the vertex that
-/// discovered it; then the lowest vertex that was not met (C.12). Made in steps.
-#[derive(Clone, Debug, Default)]
-pub struct CanonicalOrder {
-    /// Triangles in order, as far as it is known.
-    pub order: Vec<u32>,
-    listed: Vec<bool>,
-    met: Vec<bool>,
-    queue: VecDeque<u32>,
-    seed: usize,
-    sweep: usize,
-}
-
-impl CanonicalOrder {
-    /// The whole order. O(triangles).
-    pub fn of(surface: &Surface) -> Vec<u32> {
-        let mut order = Self::default();
-        while !order.step(surface, usize::MAX) {}
-        order.order
-    }
-    /// Goes on by about `limit` triangles; true once all are listed.
-    pub fn step(&mut self, surface: &Surface, limit: usize) -> bool {
-        self.listed.resize(surface.triangles.len(), false);
-        self.met.resize(surface.corner_of.len(), false);
-        let stop = self.order.len().saturating_add(limit);
-        let mut looked = 0;
-        while self.order.len() < stop && looked < limit {
-            looked += 1;
-            if let Some(corner) = self.queue.pop_front() {
-                self.about(surface, corner);
-            } else if self.seed < self.met.len() {
-                let v = self.seed;
-                self.seed += 1;
-                if !self.met[v] && surface.corner_of[v] != NONE {
-                    self.met[v] = true;
-                    self.queue.push_back(surface.corner_of[v]);
-                }
-            } else if self.sweep < self.listed.len() {
-                // A triangle whose vertices were all met from other sides, as they can be where fans touch at a point.
-                let gone = surface.triangles[self.sweep] == [NONE; 3];
-                if !std::mem::replace(&mut self.listed[self.sweep], true) && !gone {
-                    self.order.push(self.sweep as u32);
-                }
-                self.sweep += 1;
-            } else {
-                return true;
-            }
-        }
-        false
-    }
-    /// Lists the fan about a corner's vertex.
-    fn about(&mut self, surface: &Surface, corner: u32) {
-        for c in surface.around(corner) {
-            let t = c as usize / 3;
-            if !std::mem::replace(&mut self.listed[t], true) {
-                self.order.push(t as u32);
-            }
-            // Each neighbour begins at the edge back to this vertex.
-            let back = match surface.across[c as usize] {
-                NONE => next(c),
-                other => other,
-            };
-            self.meet(surface, back);
-            self.meet(surface, previous(c));
-        }
-    }
-    fn meet(&mut self, surface: &Surface, corner: u32) {
-        let v = surface.vertex(corner) as usize;
-        if !std::mem::replace(&mut self.met[v], true) {
-            self.queue.push_back(corner);
-        }
     }
 }
 
