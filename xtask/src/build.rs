@@ -105,7 +105,7 @@ pub fn samples() -> Result<()> {
     // One model as every other stream, and as a scene that names a file a level.
     pmesh(&["sample", "knot", "-o", "www/samples/knot-levels.wrl", "--split-levels"])?;
     pmesh(&["sample", "knot", "-o", "www/samples/knot-five.pmesh", "--simplifier", "closest", "--levels", "5"])?;
-    pmesh(&["sample", "knot", "-o", "www/samples/knot-prefix.pmesh", "--profile", "prefix"])?;
+    pmesh(&["sample", "knot", "-o", "www/samples/knot-fast.pmesh", "--profile", "fast"])?;
     OTHER_STREAMS.iter().try_for_each(|ending| pmesh(&["sample", "knot", "-o", &format!("www/samples/knot.{ending}")]))?;
     fs::copy("crates/pmesh-codec/tests/data/figure6.lod", "www/samples/figure6.lod").map(|_| ()).map_err(|e| e.to_string())
 }

@@ -1,6 +1,7 @@
 //! `cargo xtask fuzz`: the targets in fuzz/, built with coverage by the stable compiler, on a corpus of our own streams.
 
 use crate::shell::{Result, heading, output_of, program, root, run};
+use crate::tools;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -28,6 +29,7 @@ pub fn run_targets(only: &[String], seconds: u64) -> Result<()> {
     if let Some(unknown) = only.iter().find(|o| !TARGETS.contains(&o.as_str())) {
         return Err(format!("no fuzz target is called {unknown:?}: there are {}", TARGETS.join(", ")));
     }
+    tools::for_fuzzing()?;
     heading("building the fuzz targets");
     let version = output_of(program("rustc", &[]).arg("-vV"))?;
     let host = version.lines().find_map(|l| l.strip_prefix("host: ")).ok_or("rustc does not say for which machine it builds")?;

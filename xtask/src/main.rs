@@ -37,7 +37,7 @@ enum Command {
     },
     /// Run every test: native, docs, lints, both browsers, the page end to end. Installs browsers where it can
     Test {
-        /// Only these parts: lint, native, wasm, browser, e2e
+        /// Only these parts: lint, native, fuzz, wasm, browser, e2e
         #[arg(long, value_delimiter = ',')]
         only: Vec<String>,
     },

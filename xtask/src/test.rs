@@ -1,7 +1,7 @@
 //! Every test, the fast ones first. Nothing is skipped in silence: a part that cannot run ends the whole with what to do.
 
 use crate::shell::{Result, heading, output_of, program, root, run};
-use crate::{build, tools};
+use crate::{build, fuzz, tools};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -10,7 +10,10 @@ use std::time::Instant;
 /// first model of some 3,000 triangles, and three for compiling it for speed, which saves a fifth of its time.
 const WASM_BROTLI_LIMIT: usize = 583_025 * 117 / 100;
 
-const PARTS: [&str; 5] = ["lint", "native", "wasm", "browser", "e2e"];
+const PARTS: [&str; 6] = ["lint", "native", "fuzz", "wasm", "browser", "e2e"];
+
+/// Seconds that each fuzz target runs here: enough to find what breaks at once.
+const FUZZ_SECONDS: u64 = 15;
 
 /// Runs the parts named, or all.
 pub fn run_parts(only: &[String]) -> Result<()> {
@@ -22,6 +25,7 @@ pub fn run_parts(only: &[String]) -> Result<()> {
         match *part {
             "lint" => lint()?,
             "native" => native()?,
+            "fuzz" => fuzz::run_targets(&[], FUZZ_SECONDS)?,
             "wasm" => wasm()?,
             "browser" => browser()?,
             _ => e2e()?,

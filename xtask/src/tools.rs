@@ -47,7 +47,7 @@ pub fn for_build() -> Result<Vec<PathBuf>> {
 
 /// As [`for_build`], with drivers and browsers.
 pub fn for_browsers() -> Result<Vec<PathBuf>> {
-    install_browsers()?;
+    install(&BROWSERS, "the browser tests")?;
     let mut tools = for_build()?;
     tools.push(cargo_tool("geckodriver", GECKODRIVER, "geckodriver", true)?);
     Ok(tools)
@@ -104,15 +104,24 @@ const BROWSERS: [(&str, &str); 5] = [
     ("xauth", "xauth"),
 ];
 
-fn install_browsers() -> Result<()> {
-    let missing: Vec<_> = BROWSERS.iter().filter(|b| !exists(b.0)).map(|b| b.1).collect();
+/// The same for libFuzzer, which is C++.
+const COMPILER: [(&str, &str); 1] = [("c++", "g++")];
+
+/// What building the fuzz targets needs.
+pub fn for_fuzzing() -> Result<()> {
+    install(&COMPILER, "the fuzz targets")
+}
+
+/// Installs the packages of those `programs` that are missing.
+fn install(programs: &[(&str, &str)], for_what: &str) -> Result<()> {
+    let missing: Vec<_> = programs.iter().filter(|b| !exists(b.0)).map(|b| b.1).collect();
     if missing.is_empty() {
         return Ok(());
     }
     let advice = format!("install them by: apt-get install {}", missing.join(" "));
     let is_root = Command::new("id").arg("-u").output().is_ok_and(|o| o.stdout.starts_with(b"0\n"));
     if !exists("apt-get") || !is_root {
-        return Err(format!("the browser tests need {}; {advice}", missing.join(", ")));
+        return Err(format!("{for_what} need {}; {advice}", missing.join(", ")));
     }
     heading(&format!("installing {}", missing.join(", ")));
     let apt = |args: &[&str]| run(program("apt-get", &[]).args(args).env("DEBIAN_FRONTEND", "noninteractive"));

@@ -1,32 +1,31 @@
 //! `pmesh encode`: a mesh to a stream.
 
 mod compact;
+mod write;
+
+use write::warn_of_positions_only;
+pub use write::{gzip, write_stream};
 
 use crate::error::{CliError, Result};
 use crate::output::say;
 use crate::progress::Progress;
 use crate::{input, output};
 use clap::ValueEnum;
-use flate2::{Compression, write::GzEncoder};
 use pmesh_build::import::Model;
 use pmesh_build::picture::{self, ImageOption};
 use pmesh_build::pipeline::{BuildOptions, LevelRule, Method, Steps, build};
 use pmesh_build::simplify::{self, ForestOptions, PatchOptions, Placement, collapse_forests, remove_patches};
 use pmesh_codec::Texture;
 use pmesh_codec::patch::{self, PatchStream};
-use pmesh_codec::pmesh::{EncodeOptions, LevelStream, quantise};
+use pmesh_codec::pmesh::{LevelStream, quantise};
 use pmesh_codec::scene::{self, Encoding};
-use pmesh_codec::slod;
 use pmesh_codec::split;
-use pmesh_codec::text::{self, TextOptions, TextVariant};
-use pmesh_core::{Attributes, ProgressiveMultilevelMesh};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Encode a mesh (OBJ, PLY, STL, OFF, glTF, GLB, VRML97, X3D) as a progressive stream, or convert a stream to another
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  pmesh encode statue.obj -o statue.pmesh\n  pmesh encode scan.ply -o scan.pmesh --bits 12 --growth 2\n  pmesh encode part.stl -o part.lod.gz --levels 8\n  pmesh encode bust.glb -o bust.pmesh --bits none   every float bit for bit\n  pmesh encode bust.glb -o bust.pmesh --profile prefix   far fewer bytes, for slow links\n  pmesh encode chair.obj -o chair.slod              a level a vertex (SS97)\n  pmesh convert bust.pmesh -o bust.x3d              any stream to any other"
+    after_help = "Examples:\n  pmesh encode statue.obj -o statue.pmesh\n  pmesh encode scan.ply -o scan.pmesh --bits 12 --growth 2\n  pmesh encode part.stl -o part.lod.gz --levels 8\n  pmesh encode bust.glb -o bust.pmesh --bits none   every float bit for bit\n  pmesh encode bust.glb -o bust.pmesh --profile fast   for fast links and slow processors\n  pmesh encode chair.obj -o chair.slod              a level a vertex (SS97)\n  pmesh convert bust.pmesh -o bust.x3d              any stream to any other"
 )]
 pub struct Args {
     /// The mesh, or a stream, whose levels are kept where the output can hold them
@@ -54,11 +53,12 @@ pub struct How {
     /// Factor by which triangles grow from level to level [default: 1.5]
     #[arg(long)]
     growth: Option<f64>,
-    /// Triangles of the coarsest level, about; 0 leaves one vertex a component, or what a stream has to keep [default: 60; 120 in compact profiles,
-    /// 1200 for .pits, 600 for .pfs]
+    /// Triangles of the coarsest level, about; 0 leaves one vertex a component, or what a stream has to keep [default: 120 for a .pmesh, 60 with
+    /// --profile fast, 1200 for .pits, 600 for .pfs]
     #[arg(long)]
     base: Option<usize>,
-    /// What a .pmesh is to be best at [default: fast]
+    /// What a .pmesh is to be best at [default: prefix; fast with --levels, --growth or --simplifier, and for a large model of which
+    /// more than a quarter is not manifold]
     #[arg(long, value_enum)]
     profile: Option<Profile>,
     /// How to simplify [default: half-edge, closest for .slod]
@@ -126,12 +126,12 @@ pub enum Stream {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Profile {
     /// Far fewer bytes: of positions on a grid mostly a third to a seventh of fast's, about what the best single-rate files have, and on
-    /// scans a good mesh after any part of them. Whole sooner on links below some 5 Mbit/s; above, its decoder is what takes longest. What is
-    /// not manifold, and a few vertices of each piece, come with the first level
+    /// scans a good mesh after any part of them. What is not manifold, and a few vertices of each piece, come with the first level
     Prefix,
     /// As prefix, each level taking all that it can: on scans a percent or two fewer bytes in all, for coarser levels on the way
     Size,
-    /// The fastest decoder
+    /// The fastest decoder, some six times as fast: whole sooner on links above some 20 Mbit/s and on slow processors. Refines what is not
+    /// manifold, too
     Fast,
 }
 
@@ -204,8 +204,9 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
         {
             how.profile = Some(Profile::Prefix);
         }
-        // Patches and forests are levels of their own kind.
-        let own_kind = kind.finds_its_own_levels() || (kind == Stream::Pmesh && how.compact().is_some());
+        // Patches, forests and what is compact are levels of their own kind.
+        let compact = matches!(how.profile, Some(Profile::Prefix | Profile::Size));
+        let own_kind = kind.finds_its_own_levels() || (kind == Stream::Pmesh && compact);
         let levels = if own_kind || stream.is_plain_scene() { None } else { kept_levels(&stream) };
         // A .pmesh has no table for a level a vertex: it gets levels of its own.
         match levels.filter(|l| kind != Stream::Pmesh || l.levels.len() < 64) {
@@ -373,12 +374,14 @@ fn kept_levels(stream: &input::Stream) -> Option<LevelStream> {
 const DEFAULT_BITS: u8 = 14;
 
 impl How {
-    /// The compact profile that is asked for, if one is.
+    /// The compact profile that is asked for, or taken because nothing else is.
     fn compact(&self) -> Option<simplify::Profile> {
-        match self.profile? {
-            Profile::Prefix => Some(simplify::Profile::Prefix),
-            Profile::Size => Some(simplify::Profile::Size),
-            Profile::Fast => None,
+        match self.profile {
+            Some(Profile::Prefix) => Some(simplify::Profile::Prefix),
+            Some(Profile::Size) => Some(simplify::Profile::Size),
+            Some(Profile::Fast) => None,
+            None if self.levels.is_some() || self.growth.is_some() || self.simplifier.is_some() => None,
+            None => Some(simplify::Profile::Prefix),
         }
     }
     /// Says which options have no effect where the levels are there already.
@@ -413,11 +416,20 @@ pub fn encode_model(mut model: Model, input: &Path, output: &Path, how: &How, qu
     if how.split_levels && !kind.finds_its_own_levels() {
         eprintln!("warning: {}: --split-levels is for scenes (.wrl, .x3dv, .x3d); it has no effect here", output.display());
     }
-    match kind {
-        Stream::Patch | Stream::Split | Stream::Nodes => write_refinements(model, input, output, how, quiet),
-        Stream::Pmesh if how.compact().is_some() => compact::write(model, input, output, how, quiet),
-        kind => write_stream(simplified(&model, input, how, kind, quiet)?, output, how, quiet),
+    match (kind, how.compact()) {
+        (Stream::Patch | Stream::Split | Stream::Nodes, _) => return write_refinements(model, input, output, how, quiet),
+        (Stream::Pmesh, Some(profile)) => {
+            let stream = compact::take_apart(&model, profile, input, how, quiet)?;
+            if how.profile.is_some() || compact::is_worth_it(&stream) {
+                return compact::write(stream, model, output, how, quiet);
+            }
+            if !quiet {
+                eprintln!("note: {}: much of it is not manifold, so it is written with --profile fast", input.display());
+            }
+        }
+        _ => {}
     }
+    write_stream(simplified(&model, input, how, kind, quiet)?, output, how, quiet)
 }
 
 /// The base-colour image as it is asked for.
@@ -470,82 +482,4 @@ fn simplified(model: &Model, path: &Path, how: &How, kind: Stream, quiet: bool) 
     let stream = build(model, &options, |part| progress.set(part)).map_err(CliError::build(path))?;
     progress.done();
     Ok(stream)
-}
-
-/// Writes `stream` in the format that `path` names.
-pub fn write_stream(stream: LevelStream, path: &Path, how: &How, quiet: bool) -> Result<()> {
-    let kind = Stream::of(path, how)?;
-    if how.surface_partition && kind != Stream::Lod {
-        eprintln!("warning: --surface-partition is for the text format; it has no effect here");
-    }
-    let mut bytes = Vec::new();
-    let shown = (stream.levels.len(), stream.levels.iter().map(|l| l.triangles.len()).sum::<usize>());
-    match kind {
-        Stream::Pmesh => {
-            let options = EncodeOptions { position_bits: how.bits.unwrap_or(Bits(Some(DEFAULT_BITS))).0 };
-            pmesh_codec::pmesh::encode(&stream, options, &mut bytes).map_err(CliError::encode(path))?;
-        }
-        Stream::Lod => {
-            let variant = if how.surface_partition { TextVariant::SurfacePartition } else { TextVariant::Interleaved };
-            let mesh = positions_only(stream, path, how)?;
-            text::write(&mesh, TextOptions { dimension: None, variant }, &mut bytes).map_err(CliError::encode(path))?;
-            if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gz")) {
-                bytes = gzip(&bytes).map_err(CliError::io(path))?;
-            }
-        }
-        Stream::Patch | Stream::Split | Stream::Nodes => {
-            let message = "has levels already: write it as a .pmesh and encode that";
-            return Err(CliError::Other(format!("{}: what it is made of {message}", path.display())));
-        }
-        Stream::Slod => {
-            let mesh = positions_only(stream, path, how)?;
-            let report = slod::encode(&mesh, &mut bytes).map_err(CliError::encode(path))?;
-            if report.points > 0 {
-                eprintln!(
-                    "warning: {}: {} triangles that are a single vertex are left out: a .slod cannot hold them",
-                    path.display(),
-                    report.points
-                );
-            }
-        }
-    }
-    output::write_bytes(path, &bytes)?;
-    if quiet {
-        return Ok(());
-    }
-    output::say(&format!("{}: {} levels, {} triangles, {} bytes", path.display(), shown.0, shown.1, bytes.len()))
-}
-
-pub fn gzip(bytes: &[u8]) -> std::io::Result<Vec<u8>> {
-    let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
-    encoder.write_all(bytes)?;
-    encoder.finish()
-}
-
-fn warn_of_positions_only(path: &Path) {
-    eprintln!(
-        "warning: {}: this format holds positions only; normals, colours and textures are left out (write a .pmesh to keep them)",
-        path.display()
-    );
-}
-
-/// For formats that hold positions only: attributes are dropped with a warning, positions quantised if asked for.
-fn positions_only(mut stream: LevelStream, path: &Path, how: &How) -> Result<ProgressiveMultilevelMesh> {
-    if stream.attribute_set != Default::default() || stream.texture.is_some() {
-        warn_of_positions_only(path);
-    }
-    let mut all = pmesh_core::IndexedMesh::default();
-    for level in &mut stream.levels {
-        level.vertices.attributes = Attributes::default();
-        level.moved.values.attributes = Attributes::default();
-        all.vertices.extend_from(&level.vertices);
-    }
-    let on_grid = quantise(&all, how.bits.unwrap_or(Bits(None)).0).vertices.positions;
-    let mut next = on_grid.into_iter();
-    let mut mesh = ProgressiveMultilevelMesh::new(Default::default());
-    for level in &mut stream.levels {
-        level.vertices.positions.iter_mut().zip(&mut next).for_each(|(p, q)| *p = q);
-        mesh.add_level(level)?;
-    }
-    Ok(mesh)
 }

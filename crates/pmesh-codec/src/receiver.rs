@@ -173,6 +173,10 @@ impl Receiver {
                 Event::Part(part) => Arrival::Part(self.mesh.append(&part).map_err(refused)?),
                 Event::LevelEnd => {
                     let change = self.mesh.complete_level().map_err(refused)?;
+                    let table = self.info.as_ref().and_then(|i| i.levels.as_ref());
+                    if let Some(next) = table.and_then(|t| t.get(self.mesh.arrived_levels() as usize)) {
+                        self.mesh.reserve(next.vertex_count, next.triangle_count);
+                    }
                     Arrival::Level { step: self.mesh.arrived_levels() - 1, bytes: self.bytes, change }
                 }
                 Event::Texture(texture) => {

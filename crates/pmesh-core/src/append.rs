@@ -1,6 +1,7 @@
 //! Growing the mesh: a level, or a part of one, is checked whole and then appended; a refused one changes nothing.
 
 use crate::forest::NO_REPRESENTATIVE;
+use crate::mesh::extend;
 use crate::multilevel::LevelEnd;
 use crate::versions::Versions;
 use crate::{CornerMove, Level, MeshError, ProgressiveMultilevelMesh};
@@ -248,7 +249,7 @@ impl ProgressiveMultilevelMesh {
         let first = self.logical_count();
         let first_entry = self.vertices.len() as u32;
         self.vertices.extend_from(&part.vertices);
-        self.parents.extend_from_slice(&plan.parents);
+        extend(&mut self.parents, &plan.parents);
         if let Some(versions) = &mut self.versions {
             (0..part.vertices.len()).for_each(|_| versions.push_vertex());
         }
@@ -268,7 +269,7 @@ impl ProgressiveMultilevelMesh {
                 }
             }
         }
-        self.triangles.extend_from_slice(&plan.triangles);
+        extend(&mut self.triangles, &plan.triangles);
         plan.waiting.iter().for_each(|&(v, corner)| self.pending.wait(v, corner));
         self.apply_moves(part);
         Change { corners }

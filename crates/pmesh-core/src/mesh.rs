@@ -58,10 +58,22 @@ impl Vertices {
     /// Appends all of `from`, which has the same attributes.
     pub fn extend_from(&mut self, from: &Vertices) {
         let (a, b) = (&mut self.attributes, &from.attributes);
-        self.positions.extend_from_slice(&from.positions);
-        a.normals.extend_from_slice(&b.normals);
-        a.colors.extend_from_slice(&b.colors);
-        a.texcoords.extend_from_slice(&b.texcoords);
+        extend(&mut self.positions, &from.positions);
+        extend(&mut a.normals, &b.normals);
+        extend(&mut a.colors, &b.colors);
+        extend(&mut a.texcoords, &b.texcoords);
+    }
+    /// Room for so many more in the arrays that are there.
+    pub(crate) fn reserve(&mut self, more: usize) {
+        fn reserve<T>(values: &mut Vec<T>, more: usize) {
+            if !values.is_empty() {
+                values.reserve_exact(more);
+            }
+        }
+        reserve(&mut self.positions, more);
+        reserve(&mut self.attributes.normals, more);
+        reserve(&mut self.attributes.colors, more);
+        reserve(&mut self.attributes.texcoords, more);
     }
     /// Vertices `ids` of this, in that order. O(ids).
     pub fn select(&self, ids: impl IntoIterator<Item = u32>) -> Vertices {
@@ -170,6 +182,14 @@ impl IndexedMesh {
     pub fn bounds(&self) -> ([f32; 3], [f32; 3]) {
         bounds(&self.vertices.positions)
     }
+}
+
+/// Appends, with room for a quarter more where there is none: doubling would leave a third of the memory unused.
+pub(crate) fn extend<T: Copy>(to: &mut Vec<T>, from: &[T]) {
+    if to.capacity() - to.len() < from.len() {
+        to.reserve_exact(from.len().max(to.len() / 4));
+    }
+    to.extend_from_slice(from);
 }
 
 /// The triangle turned to the lexicographically lowest of its three turns; orientation is kept.

@@ -195,7 +195,16 @@ impl ProgressiveMultilevelMesh {
         !self.pending.is_empty()
     }
 
-    /// Gives back what growing by doubling reserved; called once a stream has ended.
+    /// Room for as many vertices and triangles in all as a level table announces: no copying, and nothing unused, while they come. It is
+    /// not believed beyond twice what is there.
+    pub fn reserve(&mut self, vertices: u32, triangles: u32) {
+        let more = |all: u32, there: usize| (all as usize).saturating_sub(there).min(there);
+        let (v, t) = (more(vertices, self.vertices.len()), more(triangles, self.triangles.len()));
+        self.vertices.reserve(v);
+        self.parents.reserve_exact(v);
+        self.triangles.reserve_exact(t);
+    }
+    /// Gives back what growing reserved; called once a stream has ended.
     pub fn shrink_to_fit(&mut self) {
         self.vertices.shrink_to_fit();
         self.parents.shrink_to_fit();

@@ -3,9 +3,10 @@
 //! A level takes about a quarter of the vertices, cheapest first, no two of them neighbours. A vertex of a manifold piece goes
 //! onto a neighbour, one of the boundary along the boundary, if that repeats no edge. What it costs is the quadric error of
 //! Garland & Heckbert (1997) × the mean of how far from regular the new triangles are: coarse triangles that are well shaped
-//! predict better what lies between them. A collapse that turns a triangle over waits until little else is left. Where vertices
-//! share a position all of them go together, along their seams, or none does. A mesh that is a grid is halved as one first
-//! ([`super::lattice`]).
+//! predict better what lies between them. Where bytes count most, in the finest level and in all of `size`, that weighs more, and
+//! so does leaving neighbours with few triangles. A collapse that turns a triangle over waits until little else is left. Where
+//! vertices share a position all of them go together, along their seams, or none does. A mesh that is a grid is halved as one
+//! first ([`super::lattice`]).
 
 mod candidates;
 
@@ -64,6 +65,8 @@ pub fn collapse_batches(mesh: &IndexedMesh, options: BatchOptions, mut progress:
         let free = step.is_some() || options.profile == Profile::Size;
         let part = if free { 1.0 } else { LEVEL_PARTS[usize::from(left * COARSE < total)] };
         let most = ((left as f64 * part) as usize).clamp(1, left - options.base_vertices);
+        // The finest level is seen last, and is the largest.
+        work.for_bytes = options.profile == Profile::Size || left == total;
         let removed = work.level(most, step);
         if removed.is_empty() {
             break;
@@ -96,6 +99,8 @@ struct Work {
     /// The first vertex at the position.
     first: Vec<u32>,
     error: f64,
+    /// What goes is chosen for the bytes it takes, too.
+    for_bytes: bool,
 }
 
 impl Work {
@@ -155,7 +160,7 @@ impl Work {
                 w = beside[w as usize];
             }
         }
-        Self { surface, positions, quadrics, count, kept, beside, first, error: 0.0 }
+        Self { surface, positions, quadrics, count, kept, beside, first, error: 0.0, for_bytes: false }
     }
 
     /// All vertices at the position of `v`, itself first.

@@ -6,32 +6,50 @@ use crate::output::{self, say};
 use crate::progress::Progress;
 use pmesh_build::BuildError;
 use pmesh_build::import::Model;
-use pmesh_build::simplify::{BatchOptions, collapse_batches};
-use pmesh_codec::compact;
+use pmesh_build::simplify::{BatchOptions, Profile, collapse_batches};
+use pmesh_codec::compact::{self, CompactStream};
 use pmesh_codec::pmesh::quantise;
 use std::path::Path;
 
-/// Takes `model` apart and writes it.
-pub(super) fn write(model: Model, input: &Path, path: &Path, how: &How, quiet: bool) -> Result<()> {
+/// Fewest vertices of a base that keeps the first picture waiting: some 60 kB.
+const LARGE_BASE: usize = 20_000;
+
+/// Takes `model` apart. The stream has the rounded mesh and no image.
+pub(super) fn take_apart(model: &Model, profile: Profile, input: &Path, how: &How, quiet: bool) -> Result<CompactStream> {
     if how.levels.is_some() || how.growth.is_some() || how.simplifier.is_some() {
         eprintln!("warning: --levels, --growth and --simplifier are for --profile fast: they have no effect here");
     }
-    let bits = how.bits.unwrap_or(Bits(Some(DEFAULT_BITS))).0;
     if model.mesh.vertices.is_empty() {
         return Err(CliError::build(input)(BuildError::Empty));
     }
     // What the grid has rounded is what is taken apart.
-    let mesh = quantise(&model.mesh, bits);
-    let default = BatchOptions::default();
-    let options = BatchOptions {
-        base_vertices: how.base.map_or(default.base_vertices, |t| t / 2),
-        profile: how.compact().unwrap_or_default(),
-    };
+    let mesh = quantise(&model.mesh, bits(how));
+    let options = BatchOptions { base_vertices: base_vertices(how), profile };
     let total = mesh.vertices.len();
     let progress = Progress::new("removing vertices", quiet);
     let all = (total - options.base_vertices.min(total)).max(1) as f64;
-    let mut stream = collapse_batches(&mesh, options, |left| progress.set((total - left) as f64 / all));
+    let stream = collapse_batches(&mesh, options, |left| progress.set((total - left) as f64 / all));
     progress.done();
+    Ok(stream)
+}
+
+fn bits(how: &How) -> Option<u8> {
+    how.bits.unwrap_or(Bits(Some(DEFAULT_BITS))).0
+}
+fn base_vertices(how: &How) -> usize {
+    how.base.map_or(BatchOptions::default().base_vertices, |t| t / 2)
+}
+
+/// False if much of a large model comes with the first level: then it hardly sharpens.
+pub(super) fn is_worth_it(stream: &CompactStream) -> bool {
+    let total = stream.mesh.vertices.len();
+    let base = total - stream.levels.iter().map(Vec::len).sum::<usize>();
+    base < LARGE_BASE || base < total / 4
+}
+
+/// Writes `model`, taken apart.
+pub(super) fn write(mut stream: CompactStream, model: Model, path: &Path, how: &How, quiet: bool) -> Result<()> {
+    let (bits, total) = (bits(how), model.mesh.vertices.len());
     stream.mesh = model.mesh;
     stream.texture = model.texture;
     let mut out = Vec::new();
@@ -58,7 +76,7 @@ pub(super) fn write(model: Model, input: &Path, path: &Path, how: &How, quiet: b
     if spent.attributes > 0.0 {
         line += &format!(", {:.2} for attributes", each(spent.attributes));
     }
-    if report.base.0 as usize > 2 * options.base_vertices {
+    if report.base.0 as usize > 2 * base_vertices(how) {
         line += "; what is not manifold stays in the base, and a few vertices a piece";
     }
     say(&line)

@@ -120,6 +120,9 @@ pub(super) struct LevelCoder {
     pub(super) fresh: HashMap<u32, Vec<Fresh>>,
 }
 
+/// Vertices that a small mesh has room for.
+const ROOM: usize = 1024;
+
 impl LevelCoder {
     pub(super) fn new(new_vertices: u32, reach: usize) -> Self {
         Self {
@@ -162,6 +165,12 @@ impl LevelCoder {
             model.place.begin_level(coder);
             memory.know(rows);
             self.looked = memory.count();
+            // As many as the level announces, and no more: doubling would leave a third unused. What it announces is not believed
+            // beyond what is there. The largest first: each is there twice for a moment.
+            let more = (self.end - self.start).min(self.start.max(ROOM));
+            memory.reserve(more);
+            surface.reserve(more, 2 * more);
+            rows.values.reserve_exact(more * rows.width);
             if self.looked == 0 {
                 memory.sites.resize(self.start, Site::default());
                 memory.next = (1..=self.start as u32).collect();

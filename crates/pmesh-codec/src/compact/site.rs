@@ -56,6 +56,12 @@ impl Memory {
     pub(super) fn count(&self) -> usize {
         self.sites.len()
     }
+    /// Room for so many vertices more.
+    pub(super) fn reserve(&mut self, more: usize) {
+        self.sites.reserve_exact(more);
+        self.next.reserve_exact(more);
+        self.misses.reserve_exact(more);
+    }
     /// First vertex at the position of `v`.
     pub(super) fn first(&self, v: u32) -> u32 {
         self.first.get(v as usize).copied().unwrap_or(v)

@@ -51,6 +51,12 @@ impl Surface {
         while !builder.step(usize::MAX) {}
         builder.surface
     }
+    /// Room for so many vertices and triangles more.
+    pub(crate) fn reserve(&mut self, vertices: usize, triangles: usize) {
+        self.across.reserve_exact(3 * triangles);
+        self.triangles.reserve_exact(triangles);
+        self.corner_of.reserve_exact(vertices);
+    }
     /// Number of each triangle by its corners, [`turned`].
     pub(crate) fn places(&self) -> HashMap<[u32; 3], u32> {
         self.triangles.iter().enumerate().map(|(t, &v)| (turned(v), t as u32)).collect()
