@@ -1,5 +1,6 @@
 //! `cargo xtask bench peers`: our streams beside Draco, meshoptimizer and plain numbers, in one run on one machine.
 
+use crate::plot::{Curve, bar_plot, log_plot};
 use crate::shell::{Result, heading, output_of, program, root};
 use crate::{build, tools};
 use std::collections::BTreeMap;
@@ -11,6 +12,8 @@ const REFERENCE: &str = "draco cl10";
 /// Columns of the table at 12 bits.
 const CODERS: [&str; 8] =
     [REFERENCE, "draco cl7", "meshopt + brotli", "plain + brotli", "plain + gzip", "prefix", "size", "fast"];
+/// Mbit/s.
+const LINKS: [f64; 9] = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0];
 const OTHER_BITS: [u32; 4] = [10, 11, 14, 16];
 
 /// A coder's figures for a mesh.
@@ -24,7 +27,7 @@ struct Figures {
 /// Meshes of a run, each by coder and bits.
 type Table = BTreeMap<String, BTreeMap<(String, u32), Figures>>;
 
-/// Runs both benchmarks and prints Markdown; `csv` gets every line.
+/// Runs both benchmarks and prints Markdown; `csv` gets every line; plots go to target/peers.
 pub fn run(meshes: &[PathBuf], csv: Option<&Path>) -> Result<()> {
     let meshes = if meshes.is_empty() { shared_models()? } else { meshes.to_vec() };
     let absolute = |m: &PathBuf| std::path::absolute(m).map_err(|e| format!("{}: {e}", m.display()));
@@ -46,6 +49,14 @@ pub fn run(meshes: &[PathBuf], csv: Option<&Path>) -> Result<()> {
     println!("{}", bytes_table(&table, &folder)?);
     heading("prefix beside Draco at other precisions, and speed in millions of triangles a second");
     println!("{}", speed_table(&table, &folder)?);
+    let (trade, largest) = trade(&table, &folder)?;
+    let title = format!("{largest}: seconds until it is whole, against the link in Mbit/s");
+    let curves: Vec<Curve> = trade.iter().map(|(name, points)| Curve { name, points }).collect();
+    for (file, text) in [("ratios.svg", ratio_plot(&table)), ("trade.svg", log_plot(&title, &curves))] {
+        let path = folder.join(file);
+        std::fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))?;
+        println!("{}", path.strip_prefix(root()).unwrap_or(&path).display());
+    }
     if let Some(path) = csv {
         let text = lines.iter().fold("mesh,coder,bits,bytes,encode_secs,decode_secs\n".to_string(), |mut s, l| {
             let _ = writeln!(s, "{}", l.split('\t').take(6).collect::<Vec<_>>().join(","));
@@ -118,6 +129,42 @@ fn bytes_table(table: &Table, folder: &Path) -> Result<String> {
     out += "| geometric mean | | | |";
     ratios[1..].iter().for_each(|r| out += &format!(" {:.3} |", mean(r)));
     Ok(out + " |\n")
+}
+
+fn ratio_plot(table: &Table) -> String {
+    let bytes = |name: &str, coder: &str| figures(table, name, coder, 12).map_or(f64::NAN, |f| f.bytes);
+    let of = |coder: &str| table.keys().map(|n| bytes(n, coder) / bytes(n, REFERENCE)).collect();
+    let names: Vec<String> = table.keys().cloned().collect();
+    bar_plot(&format!("bytes at 12 bits, as parts of {REFERENCE}'s"), &names, &[("prefix", of("prefix")), ("size", of("size"))])
+}
+
+/// (coder, (Mbit/s, seconds until the mesh is whole)), and the mesh, the one with the most triangles. In browsers; ours decode what has
+/// arrived while the rest comes, the other waits for all of it.
+#[allow(clippy::type_complexity)]
+fn trade(table: &Table, folder: &Path) -> Result<(Vec<(&'static str, Vec<(f64, f64)>)>, String)> {
+    let mut largest = (0.0, String::new());
+    for name in table.keys() {
+        let (_, triangles) = counts(folder, name)?;
+        if triangles > largest.0 {
+            largest = (triangles, name.clone());
+        }
+    }
+    let name = largest.1;
+    let of = |coder: &str| figures(table, &name, coder, 12).unwrap_or_default();
+    let curve = |coder: &str, decoder: &str, streams: bool| {
+        let (bytes, decode) = (of(coder).bytes, of(decoder).decode_secs.unwrap_or(f64::NAN));
+        let at = |link: f64| {
+            let download = bytes * 8.0 / (link * 1e6);
+            (link, if streams { download.max(decode) } else { download + decode })
+        };
+        LINKS.map(at).to_vec()
+    };
+    let all = vec![
+        ("prefix", curve("prefix", "prefix wasm", true)),
+        ("fast", curve("fast", "fast wasm", true)),
+        (REFERENCE, curve(REFERENCE, REFERENCE, false)),
+    ];
+    Ok((all, name))
 }
 
 fn speed_table(table: &Table, folder: &Path) -> Result<String> {

@@ -26,9 +26,7 @@ pub fn log_plot(title: &str, curves: &[Curve]) -> String {
     let part = |v: f64, (low, high): (f64, f64)| (v.log10() - low) / (high - low);
     let x = |v: f64| MARGIN + part(v, xs) * (WIDTH - 2.0 * MARGIN);
     let y = |v: f64| HEIGHT - MARGIN - part(v, ys) * (HEIGHT - 2.0 * MARGIN);
-    let mut out = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" font-family=\"sans-serif\" font-size=\"12\">\n<rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"#fff\"/>\n<text x=\"{MARGIN}\" y=\"24\" font-size=\"14\">{title}</text>\n"
-    );
+    let mut out = begin(title);
     for v in ticks(xs) {
         let at = x(v);
         let _ = writeln!(out, "<path d=\"M{at:.1} {MARGIN}V{:.1}\" stroke=\"#ddd\"/>", HEIGHT - MARGIN);
@@ -46,15 +44,47 @@ pub fn log_plot(title: &str, curves: &[Curve]) -> String {
         let width = if i == 0 { 2.5 } else { 1.5 };
         let line = points.join(" ");
         let _ = writeln!(out, "<polyline points=\"{line}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"{width}\"/>");
-        let at = MARGIN + 18.0 * (i as f64 + 1.0);
-        let _ = writeln!(
-            out,
-            "<text x=\"{:.1}\" y=\"{at:.1}\" text-anchor=\"end\" fill=\"{color}\">{}</text>",
-            WIDTH - MARGIN - 8.0,
-            curve.name
-        );
+        key(&mut out, i, curve.name);
     }
     out + "</svg>\n"
+}
+
+/// Groups of bars beside each other, from 0, with a line at 1. Each series has a value a group.
+pub fn bar_plot(title: &str, groups: &[String], series: &[(&str, Vec<f64>)]) -> String {
+    let top = series.iter().flat_map(|s| &s.1).fold(1.0f64, |t, &v| t.max(v)) * 1.05;
+    let (width, height) = (WIDTH - 2.0 * MARGIN, HEIGHT - 2.5 * MARGIN);
+    let bottom = MARGIN + height;
+    let mut out = begin(title);
+    let group = width / groups.len().max(1) as f64;
+    let bar = 0.8 * group / series.len().max(1) as f64;
+    for (i, (name, values)) in series.iter().enumerate() {
+        let color = COLORS[i % COLORS.len()];
+        for (g, v) in values.iter().enumerate() {
+            let (x, tall) = (MARGIN + group * (g as f64 + 0.1) + bar * i as f64, height * v / top);
+            let _ = writeln!(out, "<path d=\"M{x:.1} {bottom}h{bar:.1}v{:.1}h{:.1}z\" fill=\"{color}\"/>", -tall, -bar);
+        }
+        key(&mut out, i, name);
+    }
+    for (g, name) in groups.iter().enumerate() {
+        let (x, y) = (MARGIN + group * (g as f64 + 0.6), bottom + 10.0);
+        let _ = writeln!(out, "<text transform=\"translate({x:.1} {y:.1}) rotate(-40)\" text-anchor=\"end\">{name}</text>");
+    }
+    let one = bottom - height / top;
+    let _ = writeln!(out, "<path d=\"M{MARGIN} {one:.1}h{width}\" stroke=\"#000\"/>");
+    let _ = writeln!(out, "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">1</text>", MARGIN - 6.0, one + 4.0);
+    out + "</svg>\n"
+}
+
+fn begin(title: &str) -> String {
+    format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" font-family=\"sans-serif\" font-size=\"12\">\n<rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"#fff\"/>\n<text x=\"{MARGIN}\" y=\"24\" font-size=\"14\">{title}</text>\n"
+    )
+}
+
+/// The name of series `i`, in its colour.
+fn key(out: &mut String, i: usize, name: &str) {
+    let (x, y, color) = (WIDTH - MARGIN - 8.0, MARGIN + 18.0 * (i as f64 + 1.0), COLORS[i % COLORS.len()]);
+    let _ = writeln!(out, "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"end\" fill=\"{color}\">{name}</text>");
 }
 
 /// 1, 2 and 5 times powers of ten within a range of logarithms.

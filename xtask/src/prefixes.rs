@@ -107,13 +107,21 @@ fn best(mut files: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     files
 }
 
+/// The error at so many bytes: between two files as a power of the bytes.
+fn between(files: &[(f64, f64)], bytes: f64) -> f64 {
+    let after = files.iter().position(|f| f.0 >= bytes).unwrap_or(files.len());
+    let (Some(a), Some(b)) = (after.checked_sub(1).and_then(|i| files.get(i)), files.get(after)) else { return f64::NAN };
+    let part = (bytes / a.0).ln() / (b.0 / a.0).ln();
+    if b.1 > 0.0 { a.1 * (b.1 / a.1).powf(part) } else { a.1 }
+}
+
 fn table(all: &BTreeMap<String, Measured>) -> String {
     let mut out =
         "| mesh | of Draco's bytes | bytes | triangles | ours | best file | ours / best |\n|---|---|---|---|---|---|---|\n"
             .to_string();
     for (name, m) in all {
         for &(part, bytes, triangles, rms) in &m.parts {
-            let other = m.envelope.iter().rfind(|f| f.0 <= bytes).map_or(f64::NAN, |f| f.1);
+            let other = between(&m.envelope, bytes);
             let part = 100.0 * part;
             let _ =
                 writeln!(out, "| {name} | {part:.0} % | {bytes} | {triangles} | {rms:.2} | {other:.2} | {:.2} |", rms / other);

@@ -173,7 +173,7 @@ impl Work {
     fn level(&mut self, most: usize, grid: Option<Grid>) -> Vec<Removed> {
         let mut ring = Ring::default();
         let mut candidates = self.candidates(grid);
-        candidates.sort_by(|a, b| a.cost.total_cmp(&b.cost).then(a.vertex.cmp(&b.vertex)));
+        candidates.sort_unstable_by(|a, b| a.cost.total_cmp(&b.cost).then(a.vertex.cmp(&b.vertex)));
         let mut locked = vec![false; self.positions.len()];
         let mut out = Vec::with_capacity(most);
         for c in candidates {
