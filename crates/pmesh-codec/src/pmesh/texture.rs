@@ -33,8 +33,9 @@ pub(crate) fn insert(texture: &Texture, blocks: &mut Vec<Block>, payloads: &mut 
 /// than the other way round.
 const AHEAD: usize = 3;
 
-/// Parts and levels side by side: a part comes once a third as great a share of the levels' bytes has come as of the parts'
-/// before it.
+/// Parts and levels side by side: the first part comes behind the first level, another once the levels have brought a third as great a
+/// share of their bytes as the parts before it, and as many bytes as they and it: where levels are small the shape would wait for the
+/// image.
 fn insert_parts(framed: &[u8], blocks: &mut Vec<Block>, payloads: &mut Vec<Vec<u8>>) -> Result<(), EncodeError> {
     let parts = wavelet::parts(framed);
     let room = BLOCK_LIMIT.saturating_sub(blocks.len());
@@ -58,7 +59,9 @@ fn insert_parts(framed: &[u8], blocks: &mut Vec<Block>, payloads: &mut Vec<Vec<u
         level_bytes += payload.len();
         payloads.push(payload);
         blocks.push(block_of_level);
-        while let Some(group) = groups.next_if(|_| part_bytes * levels <= AHEAD * level_bytes * all_parts) {
+        let in_share = |part_bytes: usize| part_bytes * levels <= AHEAD * level_bytes * all_parts;
+        let in_bytes = |all: usize| all <= level_bytes || level_bytes == levels;
+        while let Some(group) = groups.next_if(|g| part_bytes == 0 || in_share(part_bytes) && in_bytes(part_bytes + g.len())) {
             part_bytes += group.len();
             blocks.push(block(BlockKind::Picture, &group));
             payloads.push(group);
