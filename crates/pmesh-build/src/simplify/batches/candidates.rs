@@ -251,7 +251,9 @@ impl Work {
         self.ring(v, ring);
         let goal = |sign: i32| Some([i + sign * (x << halvings), j + sign * (y << halvings)]);
         let at = |goal| ring.vertices.iter().position(|&w| places[w as usize] == goal);
-        for onto in [at(goal(-1)), at(goal(1))].into_iter().flatten() {
+        // The first of the two steps that follow goes the other way: else three vertices in a row would be a triangle until the second.
+        let first = if step % 3 == 1 { 1 } else { -1 };
+        for onto in [at(goal(first)), at(goal(-first))].into_iter().flatten() {
             let along = ring.closed || onto == 0 || onto == ring.vertices.len() - 1;
             if along && self.fits(ring, onto) {
                 return Some(Candidate { cost: 0.0, vertex: v, onto: ring.vertices[onto] });
