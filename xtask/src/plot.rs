@@ -51,7 +51,7 @@ pub fn log_plot(title: &str, curves: &[Curve]) -> String {
 
 /// Groups of bars beside each other, from 0, with a line at 1. Each series has a value a group.
 pub fn bar_plot(title: &str, groups: &[String], series: &[(&str, Vec<f64>)]) -> String {
-    let top = series.iter().flat_map(|s| &s.1).fold(1.0f64, |t, &v| t.max(v)) * 1.05;
+    let top = series.iter().flat_map(|s| &s.1).fold(1.0f64, |t, &v| t.max(v)) * 1.25;
     let (width, height) = (WIDTH - 2.0 * MARGIN, HEIGHT - 2.5 * MARGIN);
     let bottom = MARGIN + height;
     let mut out = begin(title);

@@ -125,7 +125,7 @@ pub enum Stream {
 /// What a `.pmesh` is to be best at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Profile {
-    /// Far fewer bytes: of positions on a grid mostly a third to a seventh of fast's, about what the best single-rate files have, and on
+    /// Far fewer bytes: of positions on a grid mostly a quarter to an eighth of fast's, about what the best single-rate files have, and on
     /// scans a good mesh after any part of them. What is not manifold, and a few vertices of each piece, come with the first level
     Prefix,
     /// As prefix, each level taking all that it can: on scans a percent or two fewer bytes in all, for coarser levels on the way
