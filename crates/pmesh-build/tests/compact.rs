@@ -81,6 +81,23 @@ fn both_sides_of_a_seam_go_and_come_together() {
 }
 
 #[test]
+fn surfaces_that_touch_refine_each_by_itself() {
+    let mut mesh = sample("knot").expect("it is one").mesh;
+    // The same again, inside out: every position twice, and no seam.
+    let n = mesh.vertices.len() as u32;
+    let copy = mesh.vertices.clone();
+    mesh.vertices.extend_from(&copy);
+    mesh.triangles.extend_from_within(..);
+    let half = mesh.triangles.len() / 2;
+    mesh.triangles[half..].iter_mut().for_each(|[a, b, c]| (*a, *b, *c) = (*a + n, *c + n, *b + n));
+    link_seams(&mut mesh);
+    assert_eq!(mesh.position_of.len(), n as usize);
+    let (_, again) = round_trip(&mesh, Some(12), BatchOptions::default());
+    let coarsest = again.mesh_at(f64::from(again.level_count() - 1)).expect("a level").vertices.len();
+    assert!(coarsest < 300, "{coarsest} vertices in the base");
+}
+
+#[test]
 fn levels_are_independent_sets_and_arcs_of_their_neighbours() {
     for name in ["knot", "part"] {
         let stream = taken_apart(&sample(name).expect("it is built in").mesh, Some(12), BatchOptions::default());

@@ -58,7 +58,7 @@ pub struct How {
     #[arg(long)]
     base: Option<usize>,
     /// What a .pmesh is to be best at [default: prefix; fast with --levels, --growth or --simplifier, and for a large model of which
-    /// more than a quarter is not manifold]
+    /// more than a quarter is not manifold; a stream that has levels keeps them, and with them its profile]
     #[arg(long, value_enum)]
     profile: Option<Profile>,
     /// How to simplify [default: half-edge, closest for .slod]
@@ -391,7 +391,7 @@ impl How {
             (self.growth.is_some(), "--growth"),
             (self.base.is_some(), "--base"),
             (self.simplifier.is_some(), "--simplifier"),
-            (self.profile.is_some(), "--profile"),
+            (matches!(self.profile, Some(Profile::Prefix | Profile::Size)), "--profile"),
         ];
         for (_, name) in given.iter().filter(|g| g.0) {
             eprintln!(

@@ -13,7 +13,7 @@ mod candidates;
 use super::lattice;
 use super::quadric::{Point, Quadric, cross, dot, sub};
 use candidates::{Grid, Ring};
-use pmesh_codec::compact::{CompactStream, Removed, Side};
+use pmesh_codec::compact::{CompactStream, Removed, Side, seams};
 use pmesh_codec::refine::surface::{NONE, Surface, next, previous};
 use pmesh_core::IndexedMesh;
 
@@ -140,7 +140,7 @@ impl Work {
         }
         let mut kept = vec![false; n];
         let (mut beside, mut first): (Vec<u32>, Vec<u32>) = ((0..n as u32).collect(), (0..n as u32).collect());
-        for &(v, p) in &mesh.position_of {
+        for (v, p) in seams(mesh) {
             beside.swap(v as usize, p as usize);
             first[v as usize] = p;
         }

@@ -7,6 +7,7 @@ use crate::pmesh::header::Container;
 use crate::pmesh::varint::put;
 use crate::range::Encoder;
 use crate::refine::encode::{Writer, misfit};
+use crate::refine::surface::{NONE, Surface};
 use crate::{EncodeError, Texture};
 use pmesh_core::IndexedMesh;
 use std::io::Write;
@@ -52,6 +53,49 @@ pub struct CompactReport {
     pub spent: Spent,
 }
 
+/// The pairs of `mesh.position_of` that are seams: between vertices that triangles do not surround. Two surfaces that only touch share
+/// positions, too, but each refines by itself. (vertex, earlier vertex), ascending. O(triangles).
+pub fn seams(mesh: &IndexedMesh) -> Vec<(u32, u32)> {
+    if mesh.position_of.is_empty() {
+        return Vec::new();
+    }
+    let n = mesh.vertices.len();
+    let surface = Surface::new(mesh.triangles.clone(), n as u32);
+    let (mut count, mut degenerate) = (vec![0; n], vec![false; n]);
+    for t in &mesh.triangles {
+        let repeats = t[0] == t[1] || t[1] == t[2] || t[2] == t[0];
+        t.iter().for_each(|&v| {
+            (count[v as usize], degenerate[v as usize]) = (count[v as usize] + 1, degenerate[v as usize] | repeats)
+        });
+    }
+    let surrounded = |v: u32| {
+        let start = surface.corner_of[v as usize];
+        if start == NONE || degenerate[v as usize] {
+            return false;
+        }
+        let (fan, last) = surface.around(start).fold((0, start), |(n, _), c| (n + 1, c));
+        fan == count[v as usize] && surface.turn(last) != NONE
+    };
+    // The first vertex at each position, and of these the first that is on a seam.
+    let (mut first, mut on_seam): (Vec<u32>, Vec<u32>) = ((0..n as u32).collect(), vec![NONE; n]);
+    let mut out = Vec::with_capacity(mesh.position_of.len());
+    for &(v, p) in &mesh.position_of {
+        let root = first[p as usize];
+        first[v as usize] = root;
+        if on_seam[root as usize] == NONE && !surrounded(root) {
+            on_seam[root as usize] = root;
+        }
+        if surrounded(v) {
+            continue;
+        }
+        match on_seam[root as usize] {
+            NONE => on_seam[root as usize] = v,
+            p => out.push((v, p)),
+        }
+    }
+    out
+}
+
 /// Writes a stream. `position_bits` as in `.pmesh`. O(n). Errors: more levels than a table holds, collapses that do not fit the
 /// mesh, or a failing writer.
 pub fn encode(stream: &CompactStream, position_bits: Option<u8>, out: &mut impl Write) -> Result<CompactReport, EncodeError> {
@@ -59,7 +103,8 @@ pub fn encode(stream: &CompactStream, position_bits: Option<u8>, out: &mut impl 
     stream.levels.iter().flatten().for_each(|r| in_levels[r.vertex as usize] = true);
     let later = |v: u32| in_levels[v as usize];
     let base = &stream.base_triangles;
-    let mut writer = Writer::new(Container::Compact, &stream.mesh, position_bits, base, later, stream.errors.first())?;
+    let seams = seams(&stream.mesh);
+    let mut writer = Writer::new(Container::Compact, (&stream.mesh, &seams), position_bits, base, later, stream.errors.first())?;
     let mut report = CompactReport { base: writer.base, ..Default::default() };
     let mut coded = writer.coded();
     let (mut model, mut memory) = (LevelModel::new(writer.rows.width), Memory::default());

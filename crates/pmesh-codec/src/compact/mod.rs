@@ -20,7 +20,7 @@ mod site;
 mod vector;
 
 pub use center::Side;
-pub use encode::{CompactReport, CompactStream, Removed, encode};
+pub use encode::{CompactReport, CompactStream, Removed, encode, seams};
 pub use level::Spent;
 
 use crate::pmesh::header::Container;

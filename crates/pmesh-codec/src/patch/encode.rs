@@ -77,7 +77,14 @@ pub fn encode(stream: &PatchStream, position_bits: Option<u8>, out: &mut impl Wr
     let in_levels: HashSet<u32> = stream.levels.iter().flat_map(|l| &l.removed).map(|r| r.vertex).collect();
     let later = |v| in_levels.contains(&v);
     let base = &stream.base_triangles;
-    let mut writer = Writer::new(Container::Patches, &stream.mesh, position_bits, base, later, stream.errors.first())?;
+    let mut writer = Writer::new(
+        Container::Patches,
+        (&stream.mesh, &stream.mesh.position_of),
+        position_bits,
+        base,
+        later,
+        stream.errors.first(),
+    )?;
     let mut report = PatchReport { base: writer.base, ..Default::default() };
     let mut coded = writer.coded();
     let mut model = LevelModel::new(writer.rows.width);

@@ -41,10 +41,10 @@ pub(crate) struct Writer {
 }
 
 impl Writer {
-    /// Codes the base. `in_levels` says which vertices come later.
+    /// Codes the base of a mesh with its seams. `in_levels` says which vertices come later.
     pub(crate) fn new(
         container: Container,
-        mesh: &IndexedMesh,
+        (mesh, seams): (&IndexedMesh, &[(u32, u32)]),
         position_bits: Option<u8>,
         base_triangles: &[[u32; 3]],
         in_levels: impl Fn(u32) -> bool,
@@ -62,8 +62,8 @@ impl Writer {
         let loose = later.iter().copied().filter(|&v| !in_levels(v)).collect();
         let count = (used.len() - later.len()) as u32;
         let mut position_of = vec![NONE; mesh.vertices.len()];
-        mesh.position_of.iter().for_each(|&(v, p)| position_of[v as usize] = p);
-        let has_seams = !mesh.position_of.is_empty();
+        seams.iter().for_each(|&(v, p)| position_of[v as usize] = p);
+        let has_seams = !seams.is_empty();
         let mut truth = BaseTruth::new(&source, base_triangles, &position_of);
         // Vertices of levels are not the base's, and those of no triangle come last.
         later.iter().for_each(|&v| truth.coded[v as usize] = NONE - 1);
