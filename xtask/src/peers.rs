@@ -49,7 +49,8 @@ pub fn run(meshes: &[PathBuf], csv: Option<&Path>) -> Result<()> {
     println!("{}", bytes_table(&table, &folder)?);
     heading("prefix beside Draco at other precisions, and speed in millions of triangles a second");
     println!("{}", speed_table(&table, &folder)?);
-    let (trade, largest) = trade(&table, &folder)?;
+    let largest = largest(&table, &folder)?;
+    let trade = trade(&table, &largest);
     let title = format!("{largest}: seconds until it is whole, against the link in Mbit/s");
     let curves: Vec<Curve> = trade.iter().map(|(name, points)| Curve { name, points }).collect();
     for (file, text) in [("ratios.svg", ratio_plot(&table)), ("trade.svg", log_plot(&title, &curves))] {
@@ -138,10 +139,8 @@ fn ratio_plot(table: &Table) -> String {
     bar_plot(&format!("bytes at 12 bits, as parts of {REFERENCE}'s"), &names, &[("prefix", of("prefix")), ("size", of("size"))])
 }
 
-/// (coder, (Mbit/s, seconds until the mesh is whole)), and the mesh, the one with the most triangles. In browsers; ours decode what has
-/// arrived while the rest comes, the other waits for all of it.
-#[allow(clippy::type_complexity)]
-fn trade(table: &Table, folder: &Path) -> Result<(Vec<(&'static str, Vec<(f64, f64)>)>, String)> {
+/// The mesh with the most triangles.
+fn largest(table: &Table, folder: &Path) -> Result<String> {
     let mut largest = (0.0, String::new());
     for name in table.keys() {
         let (_, triangles) = counts(folder, name)?;
@@ -149,8 +148,13 @@ fn trade(table: &Table, folder: &Path) -> Result<(Vec<(&'static str, Vec<(f64, f
             largest = (triangles, name.clone());
         }
     }
-    let name = largest.1;
-    let of = |coder: &str| figures(table, &name, coder, 12).unwrap_or_default();
+    Ok(largest.1)
+}
+
+/// Of each coder (Mbit/s, seconds until mesh `name` is whole) in browsers; ours decode what has arrived while the rest comes, the other
+/// waits for all of it.
+fn trade(table: &Table, name: &str) -> [(&'static str, Vec<(f64, f64)>); 3] {
+    let of = |coder: &str| figures(table, name, coder, 12).unwrap_or_default();
     let curve = |coder: &str, decoder: &str, streams: bool| {
         let (bytes, decode) = (of(coder).bytes, of(decoder).decode_secs.unwrap_or(f64::NAN));
         let at = |link: f64| {
@@ -159,12 +163,11 @@ fn trade(table: &Table, folder: &Path) -> Result<(Vec<(&'static str, Vec<(f64, f
         };
         LINKS.map(at).to_vec()
     };
-    let all = vec![
+    [
         ("prefix", curve("prefix", "prefix wasm", true)),
         ("fast", curve("fast", "fast wasm", true)),
         (REFERENCE, curve(REFERENCE, REFERENCE, false)),
-    ];
-    Ok((all, name))
+    ]
 }
 
 fn speed_table(table: &Table, folder: &Path) -> Result<String> {

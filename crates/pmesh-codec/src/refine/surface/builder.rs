@@ -87,7 +87,9 @@ impl SurfaceBuilder {
                 *place += 1;
             }
             _ => {
-                if let (Some(_), Some(other)) = (self.only(a, b), self.only(b, a).filter(|_| a != b)) {
+                // One edge each way, and no more: where others lie beside it nothing is across.
+                let alone = a != b && self.only(a, b).is_some();
+                if let Some(other) = self.only(b, a).filter(|_| alone) {
                     self.surface.across[i as usize] = other;
                 }
             }
