@@ -320,7 +320,7 @@ impl GpuMesh {
             let corners = (&mesh.vertices().positions[..], mesh.representatives());
             let gone = |t| mesh.is_retired_at(t, finest);
             if normals.sums.add(corners, &mesh.triangles()[..triangles], NORMAL_STEP, gone) {
-                normals.sums.join(mesh.seams());
+                normals.sums.finish(mesh);
                 normals.uploaded = Some(0);
             }
             self.normals = Some(normals);

@@ -191,6 +191,34 @@ fn any_prefix_of_the_bytes_shows_all_its_splits() {
 }
 
 #[test]
+fn coarse_coordinates_have_few_bits_and_sharpen_until_none_is_missing() {
+    for (name, profile) in [("marble", Profile::Prefix), ("globe", Profile::Prefix), ("marble", Profile::Size)] {
+        let mesh = sample(name).expect("it is built in").mesh;
+        let (_, again) = round_trip(&mesh, Some(14), BatchOptions { profile, ..Default::default() });
+        let (whole, count) = (quantise(&mesh, Some(14)), again.level_count());
+        let grid: HashSet<_> = whole.vertices.positions.iter().map(|p| p.map(f32::to_bits)).collect();
+        let part_exact: Vec<f64> = (0..count)
+            .rev()
+            .map(|level| {
+                let at = again.mesh_at(level.into()).expect("a level");
+                let exact = at.vertices.positions.iter().filter(|p| grid.contains(&p.map(f32::to_bits))).count();
+                // Both sides of a seam sharpen alike.
+                let finest = again.finest_mesh();
+                let seams: HashSet<_> = at.position_of.iter().copied().collect();
+                let known = finest.position_of.iter().filter(|s| s.0 < at.vertices.len() as u32);
+                assert!(known.clone().all(|s| seams.contains(s)), "{name}: an open seam at level {level}");
+                exact as f64 / at.vertices.len() as f64
+            })
+            .collect();
+        assert_eq!(part_exact[part_exact.len() - 1], 1.0);
+        assert_eq!(part_exact[0] < 0.1, profile == Profile::Prefix, "{name} {profile:?}: {part_exact:?}");
+        assert_eq!(again.has_moves(), profile == Profile::Prefix);
+        let finest = again.vertices().len() as f64;
+        assert!(finest < 1.6 * whole.vertices.len() as f64, "{name}: {finest} places");
+    }
+}
+
+#[test]
 fn what_the_components_take_is_the_whole_file() {
     for name in ["part", "globe", "knot"] {
         let mesh = sample(name).expect("it is built in").mesh;

@@ -361,10 +361,12 @@ fn split_levels(bytes: &[u8], output: &Path, quiet: bool) -> Result<()> {
     }
 }
 
-/// The levels of a stream, but for its image; `None` where vertices move or triangles are replaced between them.
+/// The levels of a stream, but for its image; `None` where vertices move or triangles are replaced between them. Where they only sharpen, they have
+/// all bits from the start.
 fn kept_levels(stream: &input::Stream) -> Option<LevelStream> {
     let mesh = stream.receiver.mesh();
-    let levels = mesh.to_levels()?;
+    let sharpens = stream.receiver.info().is_some_and(|i| i.shows_parts);
+    let levels = if sharpens { mesh.settled_levels()? } else { mesh.to_levels()? };
     let table = stream.receiver.info().and_then(|i| i.levels.clone());
     let errors = table.map_or(vec![0.0; levels.len()], |t| t.iter().map(|l| l.error).collect());
     Some(LevelStream { attribute_set: mesh.attribute_set(), levels, errors, texture: None })

@@ -30,13 +30,12 @@ impl ProgressiveMultilevelMesh {
     }
 
     /// As [`Self::finest_mesh`], with what has arrived of the next level: the mesh as if that ended here. Whether this is a whole
-    /// surface depends on how parts are cut. Not for levels that move or replace what was there: then the finest whole level.
+    /// surface depends on how parts are cut. Not for levels that replace what was there: then the finest whole level. O(n).
     pub fn newest_mesh(&self) -> IndexedMesh {
-        if self.has_moves() || self.has_retired() || self.has_pending_vertices() {
+        if self.has_retired() || self.has_pending_vertices() {
             return self.finest_mesh();
         }
-        let position_of = self.seams.clone();
-        IndexedMesh { vertices: self.vertices.clone(), triangles: self.triangles.clone(), position_of }
+        self.without_superseded(self.vertices.clone(), self.triangles.clone())
     }
     /// True if a part of the next level has arrived.
     pub fn has_open_level(&self) -> bool {

@@ -1,5 +1,6 @@
 //! Smooth vertex normals: area-weighted means over all triangles at a *position*, so that texture seams do not show.
 
+use crate::ProgressiveMultilevelMesh;
 use crate::forest::ancestor_below;
 
 /// Sums triangle normals in slices, so that a page is never blocked, then normalises.
@@ -43,7 +44,7 @@ impl NormalAccumulator {
         end == triangles.len()
     }
     /// Gives vertices that share a position (`seams`, as in `IndexedMesh::position_of`) one sum; once, when all is in.
-    pub fn join(&mut self, seams: &[(u32, u32)]) {
+    fn join(&mut self, seams: &[(u32, u32)]) {
         let known = |v: u32| (v as usize) < self.sums.len();
         let seams: Vec<_> = seams.iter().filter(|&&(v, p)| known(v) && known(p)).collect();
         for &&(v, p) in &seams {
@@ -52,6 +53,20 @@ impl NormalAccumulator {
         }
         for &&(v, p) in &seams {
             self.sums[v as usize] = self.sums[p as usize];
+        }
+    }
+    /// Ends the sums of `mesh`, once, when all is in: [`Self::join`] over its seams as they are by now, and each place where a vertex stood
+    /// before has the normal of where it stands now. O(vertices) where vertices move, else O(seams).
+    pub fn finish(&mut self, mesh: &ProgressiveMultilevelMesh) {
+        let Some(versions) = &mesh.versions else { return self.join(&mesh.seams) };
+        let count = self.sums.len() as u32;
+        let newest = versions.newest_below(count);
+        let now = |entry: u32| newest[versions.logical(entry) as usize];
+        let position = |v: u32| mesh.vertices.positions[v as usize];
+        let seams = mesh.seams.iter().filter(|s| s.0 < count && s.1 < count).map(|&(v, p)| (now(v), now(p)));
+        self.join(&seams.filter(|&(v, p)| position(v) == position(p)).collect::<Vec<_>>());
+        for v in 0..count {
+            self.sums[v as usize] = self.sums[now(v) as usize];
         }
     }
     /// The unit normal of a vertex; +z if it has no area.
@@ -95,6 +110,30 @@ mod tests {
         let p = [[0.0; 3], [s, 0.0, 0.0], [0.0, s, 0.0], [1.0, 1.0, 1.0]];
         let n = smooth_normals(&p, &[[0, 1, 2]], &[]);
         assert_eq!(n, vec![[0.0, 0.0, 1.0]; 4]);
+    }
+
+    #[test]
+    fn a_place_that_a_vertex_has_left_has_the_normal_of_where_it_went() {
+        let at = |positions: &[[f32; 3]]| crate::Vertices { positions: positions.to_vec(), ..Default::default() };
+        let base = crate::Level {
+            vertices: at(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0; 3], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
+            triangles: vec![[0, 1, 2], [3, 4, 5]],
+            position_of: vec![(3, 0), (4, 2)],
+            ..Default::default()
+        };
+        let values = at(&[[0.0, -1.0, 0.0], [0.0, -1.0, 0.0], [2.0, 0.0, 0.0]]);
+        let moved = crate::MovedVertices { ids: vec![0, 3, 1], values };
+        let mut mesh = ProgressiveMultilevelMesh::new(Default::default());
+        mesh.add_level(&base).expect("a base");
+        mesh.add_level(&crate::Level { moved, ..Default::default() }).expect("a move");
+        let mut sums = NormalAccumulator::new(9);
+        sums.add((&mesh.vertices().positions, mesh.representatives()), mesh.triangles(), usize::MAX, |_| false);
+        sums.finish(&mesh);
+        let finest = mesh.finest_mesh();
+        let expected = smooth_normals(&finest.vertices.positions, &finest.triangles, &finest.position_of);
+        for (entry, vertex) in [(0, 0), (6, 0), (3, 3), (7, 3), (1, 1), (8, 1), (2, 2), (4, 4), (5, 5)] {
+            assert_eq!(sums.normal(entry), expected[vertex], "{entry}");
+        }
     }
 
     #[test]

@@ -6,7 +6,7 @@
 //! predict better what lies between them. Where bytes count most, in the finest level and in all of `size`, that weighs more, and
 //! so does leaving neighbours with few triangles. A collapse that turns a triangle over waits until little else is left. Where
 //! vertices share a position all of them go together, along their seams, or none does. A mesh that is a grid is halved as one
-//! first ([`super::lattice`]).
+//! first ([`super::lattice`]). Coarse levels of `prefix` say how fine a grid does for their coordinates.
 
 mod candidates;
 
@@ -51,12 +51,17 @@ const GRID_HALVINGS: usize = 3;
 const LEVEL_PARTS: [f64; 2] = [0.26, 0.23];
 /// How much coarser than the finest a coarse level is.
 const COARSE: usize = 4;
+/// How much coarser than the finest a level is whose coordinates lack their low bits.
+const ROUGH: usize = 4;
+/// Step of such a level's grid, in parts of how far its vertices are from what they stand for. A uniform error of a step along one axis
+/// is 0.29 steps in the mean: rounding adds a tenth to what a level is off anyway, and buys a third more vertices.
+const STEP_A_DISTANCE: f64 = 1.5;
 /// A level that removes a smaller part of the vertices is the last: what is left resists.
 const LEAST_PART: f64 = 0.01;
 /// Takes `mesh` apart. `progress` gets the vertices left. O(n log n).
 pub fn collapse_batches(mesh: &IndexedMesh, options: BatchOptions, mut progress: impl FnMut(usize)) -> CompactStream {
     let mut work = Work::new(mesh);
-    let mut out = CompactStream { mesh: mesh.clone(), errors: vec![0.0], ..Default::default() };
+    let mut out = CompactStream { mesh: mesh.clone(), errors: vec![0.0], steps: vec![0.0], ..Default::default() };
     let mut left = work.count.iter().filter(|&&c| c > 0).count();
     let total = left;
     let grid = lattice::coordinates(&work.surface, &work.count);
@@ -76,11 +81,14 @@ pub fn collapse_batches(mesh: &IndexedMesh, options: BatchOptions, mut progress:
         progress(left);
         out.levels.push(removed);
         out.errors.push(work.error.sqrt() as f32);
+        let is_rough = !free && left * ROUGH < total;
+        out.steps.push(if is_rough { (STEP_A_DISTANCE * work.distance()) as f32 } else { 0.0 });
         if last {
             break;
         }
     }
     out.levels.reverse();
+    out.steps.reverse();
     out.errors.reverse();
     out.base_triangles = work.surface.triangles.iter().copied().filter(|t| t[0] != NONE).collect();
     out
@@ -203,6 +211,16 @@ impl Work {
             out.push(self.remove(c.vertex, &ring, onto));
         }
         out
+    }
+
+    /// How far the vertices are from what they stand for: the root mean square, by area.
+    fn distance(&self) -> f64 {
+        let there = (0..self.count.len()).filter(|&v| self.count[v] > 0);
+        let (sum, weight) = there.fold((0.0, 0.0), |(sum, weight), v| {
+            let q = &self.quadrics[v];
+            (sum + q.at(self.positions[v]), weight + q.weight)
+        });
+        if weight > 0.0 { (sum / weight).max(0.0).sqrt() } else { 0.0 }
     }
 
     fn remove(&mut self, v: u32, ring: &Ring, onto: usize) -> Removed {

@@ -94,7 +94,7 @@ impl LevelCoder {
             star.misses = [0, 1].map(|i| star.misses[i] + share * f64::from(miss[i]));
         }
         let (ring, star) = (&self.ring, &self.star);
-        let truth = own.map(|o| [o[0], o[1], o[2]]);
+        let truth = own.map(|o| [o[0], o[1], o[2]].map(|x| x >> rows.shift));
         let before = coder.position();
         let (place, miss, exact) = match shares {
             None => model.place.code(coder, star, self.mean_edge, truth),

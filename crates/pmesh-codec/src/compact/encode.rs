@@ -3,7 +3,8 @@
 use super::center::Side;
 use super::level::{LevelCoder, LevelModel, LevelTruth, Spent, Split};
 use super::site::Memory;
-use crate::pmesh::header::Container;
+use crate::pmesh::channels::Quantisation;
+use crate::pmesh::header::{Container, SHIFT_LIMIT};
 use crate::pmesh::varint::put;
 use crate::range::Encoder;
 use crate::refine::encode::{Writer, misfit};
@@ -36,6 +37,9 @@ pub struct CompactStream {
     pub levels: Vec<Vec<Removed>>,
     /// Geometric error of each level, the base first; model units.
     pub errors: Vec<f32>,
+    /// Grid steps that do for the coordinates of each level, the base first; model units. They sharpen with later levels. A level without one has all
+    /// bits of its coordinates.
+    pub steps: Vec<f32>,
     /// The base-colour image.
     pub texture: Option<Texture>,
 }
@@ -96,6 +100,12 @@ pub fn seams(mesh: &IndexedMesh) -> Vec<(u32, u32)> {
     out
 }
 
+/// Low bits of a coordinate that a level does without, of a grid with `step`; 0 for exact floats, which have none.
+fn shift(stream: &CompactStream, step: f64, level: usize) -> u32 {
+    let enough = f64::from(stream.steps.get(level).copied().unwrap_or(0.0));
+    (1..=u32::from(SHIFT_LIMIT)).take_while(|&s| step > 0.0 && step * f64::from(1u32 << s) <= enough).count() as u32
+}
+
 /// Writes a stream. `position_bits` as in `.pmesh`. O(n). Errors: more levels than a table holds, collapses that do not fit the
 /// mesh, or a failing writer.
 pub fn encode(stream: &CompactStream, position_bits: Option<u8>, out: &mut impl Write) -> Result<CompactReport, EncodeError> {
@@ -104,7 +114,11 @@ pub fn encode(stream: &CompactStream, position_bits: Option<u8>, out: &mut impl 
     let later = |v: u32| in_levels[v as usize];
     let base = &stream.base_triangles;
     let seams = seams(&stream.mesh);
-    let mut writer = Writer::new(Container::Compact, (&stream.mesh, &seams), position_bits, base, later, stream.errors.first())?;
+    let step = |g: &Quantisation| g.position_bits.map_or(0.0, |_| g.position_step);
+    let first = |g: &Quantisation| if stream.levels.is_empty() { 0 } else { shift(stream, step(g), 0) };
+    let mut writer =
+        Writer::new(Container::Compact, (&stream.mesh, &seams), position_bits, base, later, stream.errors.first(), first)?;
+    let step = step(&writer.header.grids);
     let mut report = CompactReport { base: writer.base, ..Default::default() };
     let mut coded = writer.coded();
     let (mut model, mut memory) = (LevelModel::new(writer.rows.width), Memory::default());
@@ -122,6 +136,7 @@ pub fn encode(stream: &CompactStream, position_bits: Option<u8>, out: &mut impl 
         let mut truth = LevelTruth {
             splits: &mut splits,
             rows: &writer.source,
+            shift: if i + 1 < stream.levels.len() { shift(stream, step, i + 1) } else { 0 },
             vertex_order: &mut writer.vertex_order,
             position_of: &writer.position_of,
         };

@@ -7,7 +7,7 @@ use super::options::{WayModel, Ways};
 use super::place::{PlaceModel, Star};
 use super::site::{Memory, Site};
 use crate::pmesh::varint::Reader;
-use crate::range::{Coder, NumberModel, RangeDecoder, SignedModel};
+use crate::range::{Chance, Coder, NumberModel, RangeDecoder, SignedModel};
 use crate::refine::Levels;
 use crate::refine::rows::Rows;
 use crate::refine::surface::{Fan, NONE, Surface};
@@ -28,6 +28,8 @@ pub(super) struct LevelModel {
     /// Which new vertex shares the position, by how many there are to share with.
     pub(super) link: [NumberModel; 4],
     pub(super) levels: usize,
+    /// The next bit of a coordinate, by axis.
+    sharper: [Chance; 3],
 }
 
 impl LevelModel {
@@ -41,7 +43,25 @@ impl LevelModel {
             attributes: (3..width).map(|_| SignedModel::default()).collect(),
             link: Default::default(),
             levels: 0,
+            sharper: Default::default(),
         }
+    }
+
+    /// The next bit of each coordinate of `v`.
+    fn sharpen(&mut self, coder: &mut impl Coder, memory: &mut Memory, rows: &mut Rows, v: u32, own: Option<&[i32]>) {
+        let first = memory.first(v);
+        let at = v as usize * rows.width;
+        let site = &mut memory.sites[v as usize];
+        for k in 0..3 {
+            rows.values[at + k] = if first < v {
+                rows.value(first, k) as i32
+            } else {
+                let bit = coder.bit(&mut self.sharper[k], own.is_some_and(|o| o[k] >> rows.shift & 1 == 1));
+                rows.values[at + k].wrapping_mul(2).wrapping_add(i32::from(bit))
+            };
+            site.position[k] = rows.values[at + k] as f32;
+        }
+        site.edge *= 2.0;
     }
 }
 
@@ -59,6 +79,8 @@ pub(super) struct LevelTruth<'a> {
     /// By coded vertex: what it splits into.
     pub(super) splits: &'a mut [Vec<Split>],
     pub(super) rows: &'a Rows,
+    /// Low bits of a coordinate that the level lacks.
+    pub(super) shift: u32,
     pub(super) vertex_order: &'a mut Vec<u32>,
     /// For each vertex of the mesh the one whose position it shares, or [`NONE`].
     pub(super) position_of: &'a [u32],
@@ -73,6 +95,8 @@ pub struct Spent {
     pub ways: f64,
     /// Where the new vertices stand.
     pub places: f64,
+    /// Lower bits of where earlier ones stand.
+    pub sharper: f64,
     /// Their attributes.
     pub attributes: f64,
 }
@@ -83,6 +107,7 @@ impl Spent {
             flags: self.flags + other.flags,
             ways: self.ways + other.ways,
             places: self.places + other.places,
+            sharper: self.sharper + other.sharper,
             attributes: self.attributes + other.attributes,
         }
     }
@@ -98,6 +123,10 @@ pub(super) struct LevelCoder {
     /// The vertex that is asked next, and how many were.
     at: u32,
     asked: usize,
+    /// The vertex whose next bit comes next, those that have moved, and whether all bits are there that the level brings.
+    sharper: usize,
+    moved: u32,
+    is_sharp: bool,
     /// Triangles and vertices of the base that have been looked at.
     counted: usize,
     looked: usize,
@@ -131,6 +160,9 @@ impl LevelCoder {
             end: new_vertices as usize,
             at: 0,
             asked: 0,
+            sharper: usize::MAX,
+            moved: 0,
+            is_sharp: false,
             counted: 0,
             looked: 0,
             mean_edge: 0.0,
@@ -193,18 +225,18 @@ impl LevelCoder {
             }
             return Ok(false);
         }
+        if !self.is_sharp {
+            self.sharpen(coder, (model, memory), rows, truth.as_deref(), limit)?;
+            // New vertices come in a part of their own: all numbers are the same however the bytes are cut.
+            return Ok(false);
+        }
         self.mean_edge = memory.mean_edge;
         let stop = self.asked.saturating_add(limit).min(self.start);
         while self.asked < stop && coder.has(self.reach) {
             let before = coder.byte_position();
             let next = memory.next[self.at as usize];
             self.vertex(coder, (model, memory), (surface, rows), truth.as_deref_mut(), part)?;
-            let read = coder.byte_position() - before;
-            if C::ENCODES {
-                self.reach = self.reach.max(read);
-            } else if read > self.reach {
-                return Err("a vertex takes more bytes than the level announces");
-            }
+            self.read(coder, before)?;
             memory.sites[self.at as usize].mark_asked(model.levels);
             self.at = next;
             self.asked += 1;
@@ -217,6 +249,60 @@ impl LevelCoder {
         }
         memory.mean_edge = self.edges / (self.start as f64).max(1.0);
         Ok(true)
+    }
+
+    /// The next bits of the positions that are there. All vertices have one before any has the next.
+    fn sharpen<C: Coder>(
+        &mut self,
+        coder: &mut C,
+        (model, memory): (&mut LevelModel, &mut Memory),
+        rows: &mut Rows,
+        truth: Option<&LevelTruth>,
+        limit: usize,
+    ) -> Result<(), &'static str> {
+        let first = coder.position();
+        let stop = self.sharper.saturating_add(limit);
+        while !self.is_sharp {
+            if self.sharper < self.start {
+                if self.sharper >= stop || !coder.has(self.reach) {
+                    break;
+                }
+                let (v, before) = (self.sharper as u32, coder.byte_position());
+                let own = truth.map(|t| t.rows.row(t.vertex_order[self.sharper]));
+                model.sharpen(coder, memory, rows, v, own);
+                self.read(coder, before)?;
+                self.sharper += 1;
+                continue;
+            }
+            if !coder.has(self.reach) {
+                break;
+            }
+            let before = coder.byte_position();
+            let more = rows.shift > 0 && coder.bit(&mut Chance::default(), truth.is_some_and(|t| t.shift < rows.shift));
+            self.read(coder, before)?;
+            if more {
+                rows.shift -= 1;
+                memory.mean_edge *= 2.0;
+                (self.sharper, self.moved) = (0, self.start as u32);
+            } else {
+                // Told of once: a vertex moves once a level.
+                rows.moved = self.moved;
+                self.is_sharp = true;
+            }
+        }
+        self.spent.sharper += coder.position() - first;
+        Ok(())
+    }
+
+    /// Holds what a vertex took, from `before` on, against what the level announces, or announces it.
+    fn read<C: Coder>(&mut self, coder: &C, before: usize) -> Result<(), &'static str> {
+        let read = coder.byte_position() - before;
+        if C::ENCODES {
+            self.reach = self.reach.max(read);
+        } else if read > self.reach {
+            return Err("a vertex takes more bytes than the level announces");
+        }
+        Ok(())
     }
 
     /// The splits of vertex `at`.
@@ -468,8 +554,8 @@ impl Levels for CompactLevels {
     }
     fn components(&self) -> Vec<(&'static str, f64)> {
         let now = self.level.as_ref().map_or_else(Spent::default, |l| l.spent);
-        let Spent { flags, ways, places, attributes } = self.before.plus(now);
-        vec![("flags", flags), ("connectivity", ways), ("geometry", places), ("attributes", attributes)]
+        let Spent { flags, ways, places, sharper, attributes } = self.before.plus(now);
+        vec![("flags", flags), ("connectivity", ways), ("geometry", places + sharper), ("attributes", attributes)]
     }
     fn reach(&self) -> usize {
         self.level.as_ref().map_or(usize::MAX, |l| l.reach)

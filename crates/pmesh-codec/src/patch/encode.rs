@@ -84,6 +84,7 @@ pub fn encode(stream: &PatchStream, position_bits: Option<u8>, out: &mut impl Wr
         base,
         later,
         stream.errors.first(),
+        |_| 0,
     )?;
     let mut report = PatchReport { base: writer.base, ..Default::default() };
     let mut coded = writer.coded();

@@ -70,7 +70,7 @@ pub fn quantise(mesh: &IndexedMesh, bits: Option<u8>) -> IndexedMesh {
     for i in 0..mesh.vertices.len() {
         row.clear();
         channels.row(&mesh.vertices, i, &mut row);
-        channels.push(&row, &mut vertices);
+        channels.push(&row, 0, &mut vertices);
     }
     IndexedMesh { vertices, triangles: mesh.triangles.clone(), position_of: mesh.position_of.clone() }
 }
@@ -85,8 +85,8 @@ fn to_float(i: i32) -> f32 {
 fn to_grid(x: f32, origin: f32, step: f64) -> i32 {
     ((f64::from(x) - f64::from(origin)) / step).round() as i32
 }
-fn from_grid(q: i32, origin: f32, step: f64) -> f32 {
-    (f64::from(origin) + f64::from(q) * step) as f32
+fn from_grid(q: f64, origin: f32, step: f64) -> f32 {
+    (f64::from(origin) + q * step) as f32
 }
 
 /// Octahedral map (Meyer et al. 2010): the unit sphere to the square, both components 0 to 2^bits - 2, so that the axes
@@ -158,11 +158,14 @@ impl Channels {
             }
         }
     }
-    /// Appends the vertex that `row` stands for.
-    pub(crate) fn push(&self, row: &[i32], out: &mut Vertices) {
+    /// Appends the vertex that `row` stands for. The lowest `shift` bits of its coordinates are not known: it stands in the middle of what
+    /// they can be.
+    pub(crate) fn push(&self, row: &[i32], shift: u32, out: &mut Vertices) {
         let g = &self.grids;
+        let scale = f64::from(1u32 << shift);
+        let middle = |q: i32| f64::from(q) * scale + 0.5 * (scale - 1.0);
         out.positions.push(match g.position_bits {
-            Some(_) => std::array::from_fn(|k| from_grid(row[k], g.position_origin[k], g.position_step)),
+            Some(_) => std::array::from_fn(|k| from_grid(middle(row[k]), g.position_origin[k], g.position_step)),
             None => std::array::from_fn(|k| to_float(row[k])),
         });
         let mut rest = &row[3..];
@@ -190,7 +193,7 @@ impl Channels {
         if self.set.texcoords {
             let q = take(2);
             out.attributes.texcoords.push(match g.texcoord_bits {
-                Some(_) => std::array::from_fn(|k| from_grid(q[k], g.texcoord_origin[k], g.texcoord_step)),
+                Some(_) => std::array::from_fn(|k| from_grid(f64::from(q[k]), g.texcoord_origin[k], g.texcoord_step)),
                 None => std::array::from_fn(|k| to_float(q[k])),
             });
         }

@@ -311,7 +311,7 @@ impl LevelState {
             Stage::Moved(left, last) => {
                 let (v, row) = to.model.read_moved(reader, last, self.level_start)?;
                 self.part.moved.ids.push(v);
-                to.channels.push(&row, &mut self.part.moved.values);
+                to.channels.push(&row, 0, &mut self.part.moved.values);
                 Stage::Moved(left - 1, Some(v))
             }
             Stage::End => match reader.u8()? {
@@ -328,7 +328,7 @@ impl LevelState {
         let r = to.model.read(reader, self.level_start, self.triangles_left)?;
         self.vertices_left -= 1;
         self.triangles_left -= r.triangles.len() as u32;
-        to.channels.push(&r.row, &mut self.part.vertices);
+        to.channels.push(&r.row, 0, &mut self.part.vertices);
         self.part.representatives.extend(r.representative.map(|p| (v, p)));
         self.part.position_of.extend(r.position_of.map(|p| (v, p)));
         self.part.corner_moves.extend_from_slice(&r.corner_moves);

@@ -59,6 +59,7 @@ pub fn encode(stream: &LevelStream, options: EncodeOptions, out: &mut impl Write
         attribute_set: stream.attribute_set,
         has_seams,
         grids,
+        base_shift: 0,
         bounds,
         blocks,
     };

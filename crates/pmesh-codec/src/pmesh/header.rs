@@ -116,6 +116,8 @@ pub struct Header {
     pub has_seams: bool,
     /// The grids.
     pub grids: Quantisation,
+    /// Low bits of a coordinate that the base lacks; levels bring them. Version 1 alone has them.
+    pub base_shift: u8,
     /// Bounding box of the finest level.
     pub bounds: ([f32; 3], [f32; 3]),
     /// The table.
@@ -124,6 +126,8 @@ pub struct Header {
 
 /// Signature, version, and the length of the whole header.
 pub(crate) const PREAMBLE_BYTES: usize = 11;
+/// Most bits that a base may lack: each that comes moves all vertices that are there.
+pub(crate) const SHIFT_LIMIT: u8 = 8;
 /// The largest header: fixed fields and 64 table entries, with room.
 const HEADER_LIMIT: usize = 4096;
 
@@ -153,6 +157,7 @@ impl Header {
         out.extend(bits.iter().filter(|b| b.0).map(|b| b.1.unwrap_or(0)));
         out.extend((self.file_id as u32).to_le_bytes());
         if g.position_bits.is_some() {
+            out.push(self.base_shift);
             put_floats(out, &g.position_origin);
             out.extend(g.position_step.to_le_bytes());
             let steps = |k: usize| (f64::from(self.bounds.1[k]) - f64::from(self.bounds.0[k])) / g.position_step;
@@ -262,7 +267,7 @@ impl Header {
             grids.texcoord_step = step(r)?;
         }
         let blocks = table(r, Block::parse)?;
-        Ok(Self { container, file_id, attribute_set, has_seams, grids, bounds, blocks })
+        Ok(Self { container, file_id, attribute_set, has_seams, grids, base_shift: 0, bounds, blocks })
     }
 
     fn parse_short(r: &mut Reader, container: Container) -> Result<Self, ReadError> {
@@ -279,7 +284,12 @@ impl Header {
         }
         let file_id = u64::from(u32::from_le_bytes(r.array()?));
         let bounds;
+        let mut base_shift = 0;
         if grids.position_bits.is_some() {
+            base_shift = r.u8()?;
+            if base_shift > SHIFT_LIMIT {
+                return Err(ReadError::Bad("the base lacks too many bits"));
+            }
             grids.position_origin = floats(r)?;
             grids.position_step = step(r)?;
             let mut top = grids.position_origin;
@@ -295,7 +305,7 @@ impl Header {
             grids.texcoord_step = step(r)?;
         }
         let blocks = table(r, Block::parse_short)?;
-        Ok(Self { container, file_id, attribute_set, has_seams, grids, bounds, blocks })
+        Ok(Self { container, file_id, attribute_set, has_seams, grids, base_shift, bounds, blocks })
     }
 
     /// What a user of the stream wants to know; `header_bytes` is where the first block begins.

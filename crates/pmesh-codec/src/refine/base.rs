@@ -289,7 +289,7 @@ impl BaseCoder {
                 })
                 .collect(),
         };
-        let own = truth.as_deref().zip(wanted).map(|(t, w)| t.rows.row(w).to_vec());
+        let own = truth.as_deref().zip(wanted).map(|(t, w)| rows.coarse(t.rows.row(w)).collect::<Vec<_>>());
         if let Some(p) = seam {
             (0..3).for_each(|k| predicted[k] = rows.value(p, k));
             rows.seams.push((v, p));

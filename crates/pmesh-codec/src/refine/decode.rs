@@ -107,6 +107,7 @@ impl RefinementDecoder {
         self.channels = Channels::new(header.attribute_set, header.grids);
         self.rows.width = self.channels.count();
         self.rows.has_seams = header.has_seams;
+        self.rows.shift = header.base_shift.into();
         self.events.push_back(Event::Info(header.info(self.offset)));
         self.header = Some(header);
         Ok(taken)
@@ -230,8 +231,12 @@ impl RefinementDecoder {
         if overrun > OVERRUN {
             return Err("it ends before all that the table announces".into());
         }
+        for v in 0..std::mem::take(&mut self.rows.moved) {
+            part.moved.ids.push(v);
+            self.channels.push(self.rows.row(v), self.rows.shift, &mut part.moved.values);
+        }
         for v in self.emitted_rows..self.rows.count() {
-            self.channels.push(self.rows.row(v), &mut part.vertices);
+            self.channels.push(self.rows.row(v), self.rows.shift, &mut part.vertices);
         }
         self.emitted_rows = self.rows.count();
         part.position_of.extend_from_slice(&self.rows.seams[self.emitted_seams..]);

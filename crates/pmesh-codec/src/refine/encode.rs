@@ -20,7 +20,7 @@ pub(crate) fn misfit(found: &'static str) -> EncodeError {
 
 /// A file while it is written. A format codes its levels in between, refining `surface` and `rows` as a decoder will.
 pub(crate) struct Writer {
-    header: Header,
+    pub(crate) header: Header,
     channels: Channels,
     payloads: Vec<Vec<u8>>,
     /// For each vertex of the mesh the one whose position it shares, or [`NONE`].
@@ -41,7 +41,7 @@ pub(crate) struct Writer {
 }
 
 impl Writer {
-    /// Codes the base of a mesh with its seams. `in_levels` says which vertices come later.
+    /// Codes the base of a mesh with its seams, so many bits of a coordinate left out. `in_levels` says which vertices come later.
     pub(crate) fn new(
         container: Container,
         (mesh, seams): (&IndexedMesh, &[(u32, u32)]),
@@ -49,10 +49,12 @@ impl Writer {
         base_triangles: &[[u32; 3]],
         in_levels: impl Fn(u32) -> bool,
         error: Option<&f32>,
+        shift: impl Fn(&Quantisation) -> u32,
     ) -> Result<Self, EncodeError> {
         check_precision(position_bits)?;
         let set = mesh.vertices.set();
         let grids = Quantisation::fit(&mesh.vertices, position_bits);
+        let shift = shift(&grids);
         let channels = Channels::new(set, grids);
         let mut source = Rows { width: channels.count(), ..Default::default() };
         (0..mesh.vertices.len()).for_each(|i| channels.row(&mesh.vertices, i, &mut source.values));
@@ -68,12 +70,12 @@ impl Writer {
         // Vertices of levels are not the base's, and those of no triangle come last.
         later.iter().for_each(|&v| truth.coded[v as usize] = NONE - 1);
         let mut base = BaseCoder::new(count, base_triangles.len() as u32, source.width);
-        let mut rows = Rows { width: source.width, has_seams, ..Default::default() };
+        let mut rows = Rows { width: source.width, has_seams, shift, ..Default::default() };
         let mut coder = Encoder::new();
         while !base.step(&mut coder, &mut rows, Some(&mut truth), usize::MAX).map_err(misfit)? {}
         let payload = coder.finish();
         let (vertex_order, triangle_order) = (truth.vertex_order, truth.triangle_order);
-        let header = Header { container, attribute_set: set, has_seams, grids, ..Default::default() };
+        let header = Header { container, attribute_set: set, has_seams, grids, base_shift: shift as u8, ..Default::default() };
         let mut writer = Self {
             header,
             channels,
@@ -149,7 +151,7 @@ impl Writer {
             return Err(EncodeError::BadOption { what: "the number of levels", got, expected });
         }
         let mut vertices = Vertices::default();
-        (0..self.rows.count()).for_each(|v| self.channels.push(self.rows.row(v), &mut vertices));
+        (0..self.rows.count()).for_each(|v| self.channels.push(self.rows.row(v), self.rows.shift, &mut vertices));
         self.header.bounds = IndexedMesh { vertices, ..Default::default() }.bounds();
         let total: u64 = self.payloads.iter().map(|p| p.len() as u64).sum();
         let container = self.header.container;

@@ -10,6 +10,10 @@ const SCALES: usize = 24;
 pub(crate) struct Rows {
     pub(crate) width: usize,
     pub(crate) values: Vec<i32>,
+    /// Low bits of a coordinate that have not come yet: positions are in grid steps of that many doublings.
+    pub(crate) shift: u32,
+    /// All vertices below this one have new positions that no part has told of yet.
+    pub(crate) moved: u32,
     /// True if vertices may share positions.
     pub(crate) has_seams: bool,
     /// (vertex, first vertex at the same position), in the order of the vertices.
@@ -22,6 +26,11 @@ impl Rows {
     }
     pub(crate) fn row(&self, v: u32) -> &[i32] {
         &self.values[v as usize * self.width..][..self.width]
+    }
+    /// The row as it is coded at this precision.
+    pub(crate) fn coarse<'a>(&self, own: &'a [i32]) -> impl Iterator<Item = i32> + use<'a> {
+        let shift = self.shift;
+        own.iter().enumerate().map(move |(k, &x)| if k < 3 { x >> shift } else { x })
     }
     #[inline(always)]
     pub(crate) fn value(&self, v: u32, k: usize) -> i64 {

@@ -105,7 +105,7 @@ pub fn encode(stream: &SplitStream, position_bits: Option<u8>, out: &mut impl Wr
     let base: Vec<[u32; 3]> = coarse.iter().map(|&i| mesh.triangles[i as usize].map(|v| stands[v as usize])).collect();
     let later = |v: u32| stream.levels[v as usize] > 0;
     let mut writer =
-        Writer::new(Container::Forest, (mesh, &mesh.position_of), position_bits, &base, later, stream.errors.first())?;
+        Writer::new(Container::Forest, (mesh, &mesh.position_of), position_bits, &base, later, stream.errors.first(), |_| 0)?;
     let mut report = SplitReport { base: writer.base, ..Default::default() };
     // For each coded triangle its place in the mesh.
     let mut triangle_order: Vec<u32> = writer.triangle_order.iter().map(|&i| coarse[i as usize]).collect();
