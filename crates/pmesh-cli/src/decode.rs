@@ -66,7 +66,7 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
     }
     if !quiet {
         let level = args.level.unwrap_or(mesh.finest_level().into());
-        let part = if args.level.is_none() { part_of_next(&stream.receiver) } else { String::new() };
+        let part = if args.level.is_none() { part_of_next(&stream.receiver, out.vertices.len()) } else { String::new() };
         output::say(&format!(
             "{}: level {level}{part}, {} vertices, {} triangles",
             args.output.display(),
@@ -78,12 +78,12 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
 }
 
 /// Says how much of the level that is still arriving is in the mesh.
-fn part_of_next(receiver: &Receiver) -> String {
+fn part_of_next(receiver: &Receiver, shown: usize) -> String {
     let mesh = receiver.mesh();
     let Some(next) = mesh.finest_level().checked_sub(1).filter(|_| receiver.shows_part()) else { return String::new() };
     let table = receiver.info().and_then(|i| i.levels.as_deref()).unwrap_or_default();
     let total = |step: u32| table.get(step as usize).map_or(0, |l| l.vertex_count);
     let (before, after) = (total(mesh.arrived_levels() - 1), total(mesh.arrived_levels()));
-    let here = (mesh.vertices().len() as u32).saturating_sub(before);
+    let here = (shown as u32).saturating_sub(before);
     format!(" and {:.0} % of level {next}", 100.0 * f64::from(here) / f64::from(after.saturating_sub(before).max(1)))
 }

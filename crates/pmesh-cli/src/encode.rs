@@ -48,7 +48,7 @@ pub struct How {
     #[arg(long, value_parser = parse_bits)]
     bits: Option<Bits>,
     /// Number of levels, 1 to 63; a .slod has one a vertex
-    #[arg(long, conflicts_with = "growth")]
+    #[arg(long, conflicts_with = "growth", value_parser = clap::value_parser!(u32).range(1..=63))]
     levels: Option<u32>,
     /// Factor by which triangles grow from level to level [default: 1.5]
     #[arg(long)]
@@ -155,7 +155,7 @@ impl Stream {
         ];
         let named = known.iter().find(|k| name.ends_with(k.0)).map(|k| k.1);
         how.stream.or(named).ok_or_else(|| {
-            CliError::Other(format!(
+            CliError::Usage(format!(
                 "{}: write .pmesh, .pits, .pfs, .slod, .lod, .lod.gz, .wrl, .x3dv or .x3d, or say which with --stream",
                 path.display()
             ))
@@ -178,7 +178,7 @@ enum Simplifier {
 pub fn run(args: &Args, quiet: bool) -> Result<()> {
     let place = |p: &Path| p.canonicalize().ok();
     if place(&args.output).is_some_and(|out| place(&args.input) == Some(out)) {
-        return Err(CliError::Other(format!(
+        return Err(CliError::Usage(format!(
             "{}: input and output are the same file: name another output",
             args.output.display()
         )));
@@ -339,7 +339,7 @@ fn write_nodes(stream: &PatchStream, output: &Path, quiet: bool) -> Result<()> {
 /// Cuts a `.pits` where its levels end; the pieces one after the other are the file.
 fn split_levels(bytes: &[u8], output: &Path, quiet: bool) -> Result<()> {
     if Stream::of(output, &How::default())? != Stream::Nodes {
-        return Err(CliError::Other(format!("{}: --split-levels writes a scene: name a .wrl, .x3dv or .x3d", output.display())));
+        return Err(CliError::Usage(format!("{}: --split-levels writes a scene: name a .wrl, .x3dv or .x3d", output.display())));
     }
     let table = input::decode_whole(output, bytes)?.receiver.info().and_then(|i| i.levels.clone()).unwrap_or_default();
     let (mut from, mut names) = (0, Vec::new());
@@ -466,7 +466,7 @@ fn simplified(model: &Model, path: &Path, how: &How, kind: Stream, quiet: bool) 
     let smooth = kind == Stream::Slod;
     let closest = how.simplifier.map_or(smooth, |s| s == Simplifier::Closest);
     if smooth && (how.levels.is_some() || how.growth.is_some()) {
-        return Err(CliError::Other("a .slod has a level a vertex: leave out --levels and --growth".into()));
+        return Err(CliError::Usage("a .slod has a level a vertex: leave out --levels and --growth".into()));
     }
     let options = BuildOptions {
         method: if closest { Method::Closest } else { Method::Quadric },

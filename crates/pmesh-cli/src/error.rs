@@ -15,6 +15,9 @@ pub enum CliError {
     Encode { path: PathBuf, source: pmesh_codec::EncodeError },
     #[error("{0}")]
     Mesh(#[from] pmesh_core::MeshError),
+    /// What was asked for cannot be, whatever the file holds.
+    #[error("{0}")]
+    Usage(String),
     #[error("{0}")]
     Other(String),
 }
@@ -22,6 +25,14 @@ pub enum CliError {
 pub type Result<T> = std::result::Result<T, CliError>;
 
 impl CliError {
+    /// 2 where the command line is wrong, 1 for all else.
+    pub fn exit_code(&self) -> u8 {
+        use pmesh_build::BuildError;
+        match self {
+            CliError::Usage(_) | CliError::Build { source: BuildError::Option(_), .. } => 2,
+            _ => 1,
+        }
+    }
     /// A scene that only names other files: no file is read that was not asked for.
     pub fn elsewhere(path: &Path, urls: &[String]) -> Self {
         let join = if urls.len() > 1 { format!(" (joined: cat {} > model.pits)", urls.join(" ")) } else { String::new() };

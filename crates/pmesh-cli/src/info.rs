@@ -21,6 +21,8 @@ pub struct Args {
 struct Report {
     format: String,
     file_bytes: u64,
+    /// Bytes that a stream with a table says it has.
+    announced_bytes: Option<u64>,
     vertices: u32,
     triangles: u32,
     bits_per_vertex: f64,
@@ -98,6 +100,7 @@ pub fn run(args: &Args) -> Result<()> {
     let report = Report {
         format: info.format.into(),
         file_bytes: bytes.len() as u64,
+        announced_bytes: info.total_bytes,
         vertices: finest.0,
         triangles: finest.1,
         bits_per_vertex: bytes.len() as f64 * 8.0 / f64::from(finest.0.max(1)),
@@ -128,7 +131,8 @@ pub fn run(args: &Args) -> Result<()> {
 fn shown(r: &Report) -> String {
     let mut lines = Vec::new();
     lines.push(format!("format      {}", r.format));
-    lines.push(format!("bytes       {} ({:.2} bits a vertex)", r.file_bytes, r.bits_per_vertex));
+    let cut = r.announced_bytes.filter(|&all| all > r.file_bytes).map_or(String::new(), |all| format!(" of {all}"));
+    lines.push(format!("bytes       {}{cut} ({:.2} bits a vertex)", r.file_bytes, r.bits_per_vertex));
     lines.push(format!("finest      {} vertices, {} triangles", r.vertices, r.triangles));
     lines.push(format!(
         "positions   {}",

@@ -12,7 +12,7 @@ pub fn write(path: &Path, mesh: &IndexedMesh) -> Result<()> {
     let writer: fn(&mut BufWriter<File>, &IndexedMesh) -> std::io::Result<()> = match extension.as_str() {
         "ply" => ply,
         "obj" => obj,
-        _ => return Err(CliError::Other(format!("{}: write .ply or .obj", path.display()))),
+        _ => return Err(CliError::Usage(format!("{}: write .ply or .obj", path.display()))),
     };
     let mut file = BufWriter::new(File::create(path).map_err(CliError::io(path))?);
     writer(&mut file, mesh).and_then(|()| file.flush()).map_err(CliError::io(path))

@@ -26,7 +26,7 @@ fn samples_help() -> String {
 pub fn run(args: &Args, quiet: bool) -> Result<()> {
     let model = sample(&args.name).ok_or_else(|| {
         let names: Vec<_> = SAMPLES.iter().map(|s| s.0).collect();
-        CliError::Other(format!("no sample is called {:?}: there are {}", args.name, names.join(", ")))
+        CliError::Usage(format!("no sample is called {:?}: there are {}", args.name, names.join(", ")))
     })?;
     let name = args.output.to_string_lossy().to_ascii_lowercase();
     if name.ends_with(".ply") || name.ends_with(".obj") {

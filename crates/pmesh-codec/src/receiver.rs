@@ -64,10 +64,12 @@ impl Receiver {
     pub fn newest_mesh(&self) -> IndexedMesh {
         if self.shows_part() { self.mesh.newest_mesh() } else { self.mesh.finest_mesh() }
     }
-    /// True if [`Self::newest_mesh`] is finer than the finest whole level.
+    /// True if [`Self::newest_mesh`] is finer than the finest whole level. Of a damaged level nothing is shown; one that was cut short is good as far
+    /// as it goes.
     pub fn shows_part(&self) -> bool {
+        let good = matches!(self.error, None | Some(DecodeError::Truncated { .. }));
         let allowed = self.info.as_ref().is_some_and(|i| i.shows_parts);
-        allowed && self.error.is_none() && self.mesh.arrived_levels() > 0 && self.mesh.has_open_level()
+        allowed && good && self.mesh.arrived_levels() > 0 && self.mesh.has_open_level()
     }
     /// The mesh, to set its level.
     pub fn mesh_mut(&mut self) -> &mut ProgressiveMultilevelMesh {

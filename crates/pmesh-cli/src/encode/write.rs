@@ -34,7 +34,7 @@ pub fn write_stream(stream: LevelStream, path: &Path, how: &How, quiet: bool) ->
         }
         Stream::Patch | Stream::Split | Stream::Nodes => {
             let message = "has levels already: write it as a .pmesh and encode that";
-            return Err(CliError::Other(format!("{}: what it is made of {message}", path.display())));
+            return Err(CliError::Usage(format!("{}: what it is made of {message}", path.display())));
         }
         Stream::Slod => {
             let mesh = positions_only(stream, path, how)?;

@@ -16,6 +16,7 @@ mod mixer;
 mod number;
 mod options;
 mod place;
+mod sharpen;
 mod site;
 mod vector;
 
