@@ -98,6 +98,14 @@ impl State {
         self.influences.entry(red).or_default().push(index);
         let blue_triangles = self.rewrite(blue, red);
         self.gone[blue as usize] = true;
+        // A vertex that loses its last triangle with the red one has it in no star that comes: it must bear the mark itself.
+        for v in blue_triangles.iter().flat_map(|&t| self.triangles[t as usize]).filter(|&v| v != blue && v != red) {
+            let meets = |&t: &u32| self.alive[t as usize] && self.triangles[t as usize].contains(&red);
+            if !self.incident[v as usize].iter().any(meets) {
+                self.levels[v as usize] = level;
+                self.influences.entry(v).or_default().push(index);
+            }
+        }
         let requires = requires.into_iter().collect();
         Collapse { blue, red, level, blue_triangles, requires, star: star.into_iter().collect() }
     }

@@ -42,6 +42,7 @@ mod export;
 pub mod forest;
 pub mod geomorph;
 mod level;
+pub mod local;
 mod mesh;
 mod multilevel;
 pub mod normals;
