@@ -69,6 +69,14 @@ pub(super) fn smaller(a: f32, b: f32) -> f32 {
     if b < a { b } else { a }
 }
 
+/// Between `low` and `high`, the nearer of them if outside; `low` for what is not a number, whose bits differ between machines.
+#[inline(always)]
+pub(super) fn fit(x: f64, low: f64, high: f64) -> f64 {
+    // In this order, so that a NaN fails.
+    let above = if x > low { x } else { low };
+    if above < high { above } else { high }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

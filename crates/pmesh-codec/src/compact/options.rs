@@ -87,7 +87,6 @@ pub(super) struct Ways {
     pub(super) edge: f32,
     pub(super) normal: Vector<f32>,
     pub(super) mean_length: usize,
-    pub(super) most_length: usize,
     pub(super) fresh: usize,
     /// Neighbours that are not new, from the first on at which an arc may begin.
     pub(super) free: usize,
@@ -225,19 +224,18 @@ impl WayModel {
         }
         normals[0] = normals[triangles];
         out.normal = super::site::unit(normal);
-        let (mut sum, mut most) = (0usize, 0usize);
+        let mut sum = 0usize;
         out.fresh = 0;
         let mut against = 1.0;
         let known = around.iter().zip(&squares[..n]).zip(normals.windows(2)).zip(states.windows(3));
         for (i, (((x, square), normals), states)) in known.enumerate() {
             let long = octaves(*square, 1, 4, LENGTHS);
             sum += long;
-            most = most.max(long);
             let [(one, first), (other, second)] = [normals[0], normals[1]];
-            // The sine's square, or more than 1 beyond a right angle.
+            // The sine's square, or more than 1 beyond a right angle; 0 for what is not a number.
             let (d, q) = (dot(one, other), first * second);
             let sine = if d > 0.0 { q - d * d } else { q + d * d };
-            let bend = octaves(sine / larger(q, 1e-30), 0, 13, BENDS - 1);
+            let bend = octaves(larger(0.0, sine / larger(q, 1e-30)), 0, 13, BENDS - 1);
             let bend = if c.closed || (i > 0 && i < triangles) { bend } else { BENDS - 1 };
             let [before, own, after] = [states[0], states[1], states[2]].map(usize::from);
             out.fresh += usize::from(own == 2);
@@ -256,7 +254,6 @@ impl WayModel {
             free.copy_within(0..n, n);
         }
         out.mean_length = sum / n;
-        out.most_length = most;
         let seam = &self.seam[c.seam as usize];
         let kind = usize::from(!c.closed);
         let arcs = self.arcs(kind, n);

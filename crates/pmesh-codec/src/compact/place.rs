@@ -3,7 +3,7 @@
 
 use super::exact::ExactModel;
 use super::filter::Filter;
-use super::float::{exp, ln, log2};
+use super::float::{exp, fit, ln, log2};
 use super::number::{Calibration, Counter, LEAST_VARIANCE, Smooth};
 use super::vector::{Vector, add, cross, dot, scale, sub};
 use crate::range::Coder;
@@ -17,7 +17,7 @@ pub(super) fn unit(a: P, other: P) -> P {
 }
 /// ln x, to 0.003.
 fn log(x: f64) -> f64 {
-    f64::from(log2(x.clamp(1e-30, 1e30) as f32) * std::f32::consts::LN_2)
+    f64::from(log2(fit(x, 1e-30, 1e30) as f32) * std::f32::consts::LN_2)
 }
 
 /// What is known around a new vertex. The representative is the first of the ring, or the last of an open one whose side is
@@ -73,7 +73,7 @@ impl<const N: usize> Width<N> {
     }
     fn of(&self, x: &[f64; N]) -> f64 {
         let sum: f64 = self.weights.iter().zip(x).map(|(w, x)| w * x).sum();
-        f64::from(exp(sum.clamp(-6.0, 40.0) as f32))
+        f64::from(exp(fit(sum, -6.0, 40.0) as f32))
     }
     fn learn(&mut self, x: &[f64; N], ratio: f64) {
         let rate = 0.002 * (1.0 + 20.0 / (1.0 + self.seen / 20.0));

@@ -9,6 +9,8 @@ use super::surface::NONE;
 use crate::range::{Chance, Coder, NumberModel};
 use std::collections::{HashMap, VecDeque};
 
+/// Length of the edge, in grid steps, that is expected where there is none yet.
+const FAR: i64 = 1 << 11;
 /// Classes of triangle counts at a vertex.
 const FULLNESS: usize = 7;
 
@@ -140,7 +142,6 @@ pub(crate) struct BaseCoder {
     number: NumberModel,
     seam: NumberModel,
     rows: RowModel,
-    last_scale: i64,
 }
 
 impl BaseCoder {
@@ -159,7 +160,6 @@ impl BaseCoder {
             number: NumberModel::default(),
             seam: NumberModel::default(),
             rows: RowModel::new(width),
-            last_scale: 1 << 11,
         }
     }
 
@@ -298,7 +298,7 @@ impl BaseCoder {
             Some((a, b, o)) => {
                 (0..3).map(|k| (rows.value(a, k) + rows.value(b, k) - 2 * rows.value(o, k)).abs()).sum::<i64>() / 4
             }
-            None => self.last_scale,
+            None => FAR,
         };
         self.rows.code(coder, rows, own.as_deref(), &predicted, if seam.is_some() { 0 } else { scale });
         if seam.is_some_and(|p| rows.row(p)[..3] != rows.row(v)[..3]) {
