@@ -1,6 +1,6 @@
 //! Encode, decode, level selection, memory and simplification error on real meshes.
 //!
-//! `cargo bench -p pmesh-build -- [--quality | --verify | --steps] [FILE…]`; without files, the samples, and the meshes that lie in
+//! `cargo bench -p pmesh-build -- [--quality | --verify | --steps | --local] [FILE…]`; without files, the samples, and the meshes that lie in
 //! ../shared/models beside the project. Times are wall-clock seconds of one run: compare within it.
 #![allow(missing_docs)]
 // Times are what this is for.
@@ -10,6 +10,7 @@ use pmesh_build::compare::difference;
 use pmesh_build::import::{Model, import};
 use pmesh_build::measure::deviation;
 use pmesh_build::pipeline::{BuildOptions, Method, Steps, build};
+use pmesh_build::rule::{Replay, replay};
 use pmesh_build::sample::{SAMPLES, sample};
 use pmesh_build::simplify::{
     BatchOptions, ForestOptions, PatchOptions, Placement, Profile, SimplifyOptions, collapse_batches, collapse_forests,
@@ -19,6 +20,7 @@ use pmesh_codec::compact::{self, CompactStream};
 use pmesh_codec::pmesh::{EncodeOptions, encode, quantise};
 use pmesh_codec::scene::{self, Encoding};
 use pmesh_codec::{Receiver, patch, slod, split};
+use pmesh_core::local::{ConstraintGraph, LocalMesh, Refiner};
 use pmesh_core::stepped::SteppedLevel;
 use pmesh_core::{IndexedMesh, ProgressiveMultilevelMesh};
 use std::path::{Path, PathBuf};
@@ -225,6 +227,65 @@ fn steps(name: &str, model: &Model) -> Outcome {
     Ok(())
 }
 
+/// Of each collapse a sphere around it and all that it requires, and the longest edge of all these: (middle, radius, length).
+fn spheres(mesh: &IndexedMesh, r: &Replay) -> Vec<([f32; 3], f32, f32)> {
+    let distance = |a: [f32; 3], b: [f32; 3]| (0..3).map(|k| (a[k] - b[k]) * (a[k] - b[k])).sum::<f32>().sqrt();
+    let mut out: Vec<([f32; 3], f32, f32)> = Vec::with_capacity(r.collapses.len());
+    for c in &r.collapses {
+        let [blue, red] = [c.blue, c.red].map(|v| mesh.vertices.positions[v as usize]);
+        let (mut radius, mut length) = (0.0f32, distance(blue, red));
+        for &j in &c.requires {
+            let (middle, inner, edge) = out[j as usize];
+            (radius, length) = (radius.max(distance(blue, middle) + inner), length.max(edge));
+        }
+        out.push((blue, radius, length));
+    }
+    out
+}
+
+/// Views of a walk through the model.
+const VIEWS: usize = 60;
+
+/// Local refinement (D.13): a walk through the model, each view followed until nothing is left to do.
+fn local(name: &str, model: &Model) -> Outcome {
+    let mesh = &model.mesh;
+    let options = SimplifyOptions { target_triangles: 60, placement: Placement::Kept };
+    let pairs = simplify(mesh, options, |_| ())?.pairs;
+    let (r, replay_s) = timed(|| replay(mesh, &pairs));
+    let r = r?;
+    let spheres = spheres(mesh, &r);
+    let graph = ConstraintGraph::new(r.collapses.iter().map(|c| &c.requires[..]))?;
+    let each = |pairs: usize| pairs as f64 / r.collapses.len().max(1) as f64;
+    let required = each(r.collapses.iter().map(|c| c.requires.len()).sum());
+    let mut local = LocalMesh::new(mesh.vertices.len() as u32, &mesh.triangles, &pairs, graph)?;
+    let direct = each((0..local.graph().len()).map(|i| local.graph().requires(i).len()).sum());
+    let (low, high) = mesh.bounds();
+    let mut refiner = Refiner::new(&local, |_| 0.0);
+    let (mut steps, mut refine_s, mut refresh_s, mut shown) = (0u32, 0.0, 0.0, 0);
+    for view in 0..VIEWS {
+        let t = view as f32 / (VIEWS - 1) as f32;
+        let eye: [f32; 3] = std::array::from_fn(|k| low[k] + t * (high[k] - low[k]));
+        // Longest edge by distance: about an angle.
+        let error = |i: u32| {
+            let (middle, radius, length) = spheres[i as usize];
+            let d = (0..3).map(|k| (middle[k] - eye[k]) * (middle[k] - eye[k])).sum::<f32>().sqrt();
+            length / (d - radius).max(1e-6 * length)
+        };
+        refresh_s += timed(|| refiner.refresh(&local, error)).1;
+        let (work, seconds) = timed(|| refiner.refine(&mut local, error, 0.02, u32::MAX));
+        let work = work?;
+        (steps, refine_s) = (steps + work.splits + work.collapses, refine_s + seconds);
+        shown = shown.max(local.shown().len());
+    }
+    println!(
+        "{name:<14} {:>8} collapses, {required:.1} required by each, {direct:.1} of them directly, replayed in {replay_s:.2} s | {VIEWS} views: {steps} steps, {:.2} M a second; weighing anew {:.1} ms a view; at most {shown} triangles",
+        r.collapses.len(),
+        f64::from(steps) / refine_s / 1e6,
+        1e3 * refresh_s / VIEWS as f64,
+    );
+    Ok(())
+}
+
 fn random_cuts(length: usize) -> Vec<usize> {
     let mut state = 0x2545_f491u64;
     let mut next = || {
@@ -249,6 +310,9 @@ fn main() -> Outcome {
         quality
     } else if has("--verify") {
         verify
+    } else if has("--local") {
+        println!("local refinement (D.13): collapses undone and done along a walk through the model");
+        local
     } else {
         println!(
             "{:<14} {:>8} {:>9} {:>10} {:>6} {:>8} {:>8} {:>8} {:>8} {:>6}",

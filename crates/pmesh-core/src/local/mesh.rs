@@ -28,7 +28,7 @@ pub struct LocalMesh {
 }
 
 impl LocalMesh {
-    /// From the finest triangles and the collapses (blue, red) in the order that `graph` speaks of. O(n). Errors: a vertex that does not exist or goes
+    /// From the finest triangles and the collapses (blue, red) in the order that `graph` speaks of; it is [`ConstraintGraph::reduced`]. O(n). Errors: a vertex that does not exist or goes
     /// twice; a graph in which a vertex could be gone that another stands at.
     pub fn new(vertices: u32, finest: &[[u32; 3]], pairs: &[(u32, u32)], graph: ConstraintGraph) -> Result<Self, Refusal> {
         let parents = parents(vertices, pairs, &graph)?;
@@ -37,7 +37,7 @@ impl LocalMesh {
         }
         let corners = 3 * finest.len();
         let mut mesh = Self {
-            graph,
+            graph: graph.reduced()?,
             pairs: pairs.to_vec(),
             place: places(&parents),
             finest: finest.to_vec(),
