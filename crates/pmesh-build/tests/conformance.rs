@@ -123,6 +123,17 @@ fn g5_every_cut_by_level_is_consistent() {
 }
 
 #[test]
+fn a_vertex_that_loses_its_last_triangle_with_the_red_one_knows_of_the_collapse() {
+    // Two triangles that meet at vertex 0 alone. 2 -> 1 takes the first away, and with it 1 from the star of 0.
+    let mut mesh = IndexedMesh { triangles: vec![[0, 1, 2], [0, 3, 4]], ..Default::default() };
+    mesh.vertices.positions = (0..5).map(|i| [i as f32, (i * i) as f32, 0.0]).collect();
+    let pairs = [(2, 1), (0, 3)];
+    let r = replay(&mesh, &pairs).expect("it replays");
+    assert_eq!((r.collapses[1].level, &r.collapses[1].requires[..]), (2, &[0][..]));
+    every_cut_is_consistent(&mesh, &pairs, &r);
+}
+
+#[test]
 fn g5_merged_levels_are_the_figure_5_totals() {
     let (mesh, pairs) = grid16();
     let r = replay(&mesh, &pairs).expect("it replays");
