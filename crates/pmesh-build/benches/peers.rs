@@ -9,13 +9,14 @@
 // Times are what this is for.
 #![allow(clippy::disallowed_methods)]
 
+use pmesh_build::compact::take_apart;
 use pmesh_build::compare::difference;
 use pmesh_build::import::{Model, import};
 use pmesh_build::measure::deviation;
 use pmesh_build::pipeline::{BuildOptions, build};
-use pmesh_build::simplify::{BatchOptions, Profile, collapse_batches};
+use pmesh_build::simplify::{BatchOptions, Profile};
 use pmesh_codec::Receiver;
-use pmesh_codec::compact::{self, CompactStream};
+use pmesh_codec::compact;
 use pmesh_codec::pmesh::{self, EncodeOptions, quantise};
 use pmesh_core::{IndexedMesh, Vertices};
 use std::collections::HashMap;
@@ -82,9 +83,8 @@ fn from_raw(bytes: &[u8]) -> Option<IndexedMesh> {
 
 fn compact(mesh: &IndexedMesh, bits: u8, profile: Profile) -> Outcome<Vec<u8>> {
     let options = BatchOptions { profile, ..Default::default() };
-    let taken = collapse_batches(&quantise(mesh, Some(bits)), options, |_| ());
     let mut bytes = Vec::new();
-    compact::encode(&CompactStream { mesh: mesh.clone(), ..taken }, Some(bits), &mut bytes)?;
+    compact::encode(&take_apart(mesh.clone(), Some(bits), options, |_| ())?, Some(bits), &mut bytes)?;
     Ok(bytes)
 }
 

@@ -13,6 +13,7 @@
 
 pub mod arrange;
 pub mod cluster;
+pub mod compact;
 pub mod compare;
 mod error;
 pub mod import;

@@ -420,15 +420,10 @@ pub fn encode_model(mut model: Model, input: &Path, output: &Path, how: &How, qu
     }
     match (kind, how.compact()) {
         (Stream::Patch | Stream::Split | Stream::Nodes, _) => return write_refinements(model, input, output, how, quiet),
-        (Stream::Pmesh, Some(profile)) => {
-            let stream = compact::take_apart(&model, profile, input, how, quiet)?;
-            if how.profile.is_some() || compact::is_worth_it(&stream) {
-                return compact::write(stream, model, output, how, quiet);
-            }
-            if !quiet {
-                eprintln!("note: {}: much of it is not manifold, so it is written with --profile fast", input.display());
-            }
-        }
+        (Stream::Pmesh, Some(profile)) => match compact::take_apart(model, profile, input, how, quiet)? {
+            Ok(stream) => return compact::write(&stream, output, how, quiet),
+            Err(back) => model = back,
+        },
         _ => {}
     }
     write_stream(simplified(&model, input, how, kind, quiet)?, output, how, quiet)

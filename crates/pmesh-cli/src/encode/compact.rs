@@ -4,33 +4,35 @@ use super::{Bits, DEFAULT_BITS, How};
 use crate::error::{CliError, Result};
 use crate::output::{self, say};
 use crate::progress::Progress;
-use pmesh_build::BuildError;
+use pmesh_build::compact;
 use pmesh_build::import::Model;
-use pmesh_build::simplify::{BatchOptions, Profile, collapse_batches};
-use pmesh_codec::compact::{self, CompactStream};
-use pmesh_codec::pmesh::quantise;
+use pmesh_build::simplify::{BatchOptions, Profile};
+use pmesh_codec::compact::{CompactStream, encode};
 use std::path::Path;
 
-/// Fewest vertices of a base that keeps the first picture waiting: some 60 kB.
-const LARGE_BASE: usize = 20_000;
-
-/// Takes `model` apart. The stream has the rounded mesh and no image.
-pub(super) fn take_apart(model: &Model, profile: Profile, input: &Path, how: &How, quiet: bool) -> Result<CompactStream> {
+/// Takes `model` apart; gives it back if that is not worth it and no profile was asked for.
+pub(super) fn take_apart(
+    model: Model,
+    profile: Profile,
+    input: &Path,
+    how: &How,
+    quiet: bool,
+) -> Result<std::result::Result<CompactStream, Model>> {
     if how.levels.is_some() || how.growth.is_some() || how.simplifier.is_some() {
         eprintln!("warning: --levels, --growth and --simplifier are for --profile fast: they have no effect here");
     }
-    if model.mesh.vertices.is_empty() {
-        return Err(CliError::build(input)(BuildError::Empty));
-    }
-    // What the grid has rounded is what is taken apart.
-    let mesh = quantise(&model.mesh, bits(how));
     let options = BatchOptions { base_vertices: base_vertices(how), profile };
-    let total = mesh.vertices.len();
     let progress = Progress::new("removing vertices", quiet);
-    let all = (total - options.base_vertices.min(total)).max(1) as f64;
-    let stream = collapse_batches(&mesh, options, |left| progress.set((total - left) as f64 / all));
+    let stream =
+        compact::take_apart(model.mesh, bits(how), options, |part| progress.set(part)).map_err(CliError::build(input))?;
     progress.done();
-    Ok(stream)
+    if how.profile.is_some() || compact::is_worth_it(&stream) {
+        return Ok(Ok(CompactStream { texture: model.texture, ..stream }));
+    }
+    if !quiet {
+        eprintln!("note: {}: much of it is not manifold, so it is written with --profile fast", input.display());
+    }
+    Ok(Err(Model { mesh: stream.mesh, ..model }))
 }
 
 fn bits(how: &How) -> Option<u8> {
@@ -40,20 +42,11 @@ fn base_vertices(how: &How) -> usize {
     how.base.map_or(BatchOptions::default().base_vertices, |t| t / 2)
 }
 
-/// False if much of a large model comes with the first level: then it hardly sharpens.
-pub(super) fn is_worth_it(stream: &CompactStream) -> bool {
-    let total = stream.mesh.vertices.len();
-    let base = total - stream.levels.iter().map(Vec::len).sum::<usize>();
-    base < LARGE_BASE || base < total / 4
-}
-
-/// Writes `model`, taken apart.
-pub(super) fn write(mut stream: CompactStream, model: Model, path: &Path, how: &How, quiet: bool) -> Result<()> {
-    let (bits, total) = (bits(how), model.mesh.vertices.len());
-    stream.mesh = model.mesh;
-    stream.texture = model.texture;
+/// Writes a model that is taken apart.
+pub(super) fn write(stream: &CompactStream, path: &Path, how: &How, quiet: bool) -> Result<()> {
+    let (bits, total) = (bits(how), stream.mesh.vertices.len());
     let mut out = Vec::new();
-    let report = compact::encode(&stream, bits, &mut out).map_err(CliError::encode(path))?;
+    let report = encode(stream, bits, &mut out).map_err(CliError::encode(path))?;
     output::write_bytes(path, &out)?;
     if quiet {
         return Ok(());
@@ -71,7 +64,7 @@ pub(super) fn write(mut stream: CompactStream, model: Model, path: &Path, how: &
         report.base.2,
         each(spent.flags),
         each(spent.ways),
-        each(spent.places),
+        each(spent.places + spent.sharper),
     );
     if spent.attributes > 0.0 {
         line += &format!(", {:.2} for attributes", each(spent.attributes));
