@@ -37,7 +37,7 @@ fn sorted(triangles: impl Iterator<Item = [u32; 3]>) -> Vec<[u32; 3]> {
 }
 
 fn shown(l: &LocalMesh) -> Vec<[u32; 3]> {
-    sorted(l.shown().iter().map(|&t| l.triangles()[t as usize]))
+    sorted(l.shown().iter().filter_map(|&t| l.triangle(t)))
 }
 
 /// The mesh after the collapses that are done, made one by one, and each with the star and the triangles that it had in the first place.

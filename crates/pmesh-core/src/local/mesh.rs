@@ -8,7 +8,8 @@ const NONE: u32 = u32::MAX;
 /// A mesh at any state that its [`ConstraintGraph`] allows; fully simplified at first. A split or a collapse costs as much as it changes: the
 /// corners at its red vertex.
 ///
-/// 56 bytes a triangle and 12 a vertex, with the graph beside.
+/// 56 bytes a triangle and 12 a vertex, with the graph beside. All of a triangle that a step looks at lies together: steps jump about, and each
+/// jump is a cache line.
 #[derive(Clone, Debug)]
 pub struct LocalMesh {
     graph: ConstraintGraph,
@@ -16,15 +17,24 @@ pub struct LocalMesh {
     pairs: Vec<(u32, u32)>,
     /// Place of each vertex in the forest, representatives before what they stand for; and where those end that it stands for.
     place: Vec<(u32, u32)>,
-    finest: Vec<[u32; 3]>,
-    triangles: Vec<[u32; 3]>,
+    /// Three a triangle.
+    corners: Vec<Corner>,
     /// First corner that each vertex holds.
     head: Vec<u32>,
-    /// (next, before) of each corner in its list.
-    links: Vec<(u32, u32)>,
     /// Triangles that are not degenerate, in no order; and where in that list each is, or [`NONE`].
     shown: Vec<u32>,
     shown_at: Vec<u32>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Corner {
+    /// That stands here now.
+    vertex: u32,
+    /// Others of that vertex.
+    next: u32,
+    before: u32,
+    /// Place of the finest vertex that stands here.
+    place: u32,
 }
 
 impl LocalMesh {
@@ -35,22 +45,20 @@ impl LocalMesh {
         if let Some(&vertex) = finest.iter().flatten().find(|&&v| v >= vertices) {
             return Err(Refusal::BadVertex { collapse: graph.len(), vertex });
         }
-        let corners = 3 * finest.len();
+        let place = places(&parents);
+        let corner = |v: &u32| Corner { vertex: NONE, next: NONE, before: NONE, place: place[*v as usize].0 };
         let mut mesh = Self {
             graph: graph.reduced()?,
             pairs: pairs.to_vec(),
-            place: places(&parents),
-            finest: finest.to_vec(),
-            triangles: vec![[NONE; 3]; finest.len()],
+            corners: finest.as_flattened().iter().map(corner).collect(),
+            place,
             head: vec![NONE; vertices as usize],
-            links: vec![(NONE, NONE); corners],
             shown: Vec::new(),
             shown_at: vec![NONE; finest.len()],
         };
         let roots = roots(&parents);
-        for corner in 0..corners as u32 {
-            let v = finest[corner as usize / 3][corner as usize % 3];
-            mesh.link(corner, roots[v as usize]);
+        for (corner, &v) in finest.as_flattened().iter().enumerate() {
+            mesh.link(corner as u32, roots[v as usize]);
         }
         (0..finest.len() as u32).for_each(|t| mesh.show_or_hide(t));
         Ok(mesh)
@@ -60,13 +68,14 @@ impl LocalMesh {
     pub fn graph(&self) -> &ConstraintGraph {
         &self.graph
     }
-    /// Triangles to draw, indices into [`Self::triangles`], in no order.
+    /// Triangles to draw, by their numbers, in no order.
     pub fn shown(&self) -> &[u32] {
         &self.shown
     }
-    /// All triangles, corners at the vertices that stand for them now; those not [`Self::shown`] are degenerate.
-    pub fn triangles(&self) -> &[[u32; 3]] {
-        &self.triangles
+    /// A triangle, corners at the vertices that stand for them now; if it is not [`Self::shown`] it is degenerate. `None` if there is none of that number.
+    pub fn triangle(&self, t: u32) -> Option<[u32; 3]> {
+        let corners = self.corners.get(3 * t as usize..)?.first_chunk::<3>()?;
+        Some(corners.map(|c| c.vertex))
     }
 
     /// Undoes collapse `i`; gives the corners looked at.
@@ -76,9 +85,8 @@ impl LocalMesh {
         let (first, end) = self.place[blue as usize];
         let (mut corner, mut touched) = (self.head[red as usize], 0);
         while corner != NONE {
-            let next = self.links[corner as usize].0;
-            let finest = self.finest[corner as usize / 3][corner as usize % 3];
-            if (first..end).contains(&self.place[finest as usize].0) {
+            let Corner { next, place, .. } = self.corners[corner as usize];
+            if (first..end).contains(&place) {
                 self.move_corner(corner, red, blue);
             }
             (corner, touched) = (next, touched + 1);
@@ -103,27 +111,26 @@ impl LocalMesh {
         self.show_or_hide(corner / 3);
     }
     fn link(&mut self, corner: u32, v: u32) {
-        self.triangles[corner as usize / 3][corner as usize % 3] = v;
         let first = std::mem::replace(&mut self.head[v as usize], corner);
-        self.links[corner as usize] = (first, NONE);
+        let own = &mut self.corners[corner as usize];
+        (own.vertex, own.next, own.before) = (v, first, NONE);
         if first != NONE {
-            self.links[first as usize].1 = corner;
+            self.corners[first as usize].before = corner;
         }
     }
     fn unlink(&mut self, corner: u32, v: u32) {
-        let (next, before) = self.links[corner as usize];
+        let Corner { next, before, .. } = self.corners[corner as usize];
         if before == NONE {
             self.head[v as usize] = next;
         } else {
-            self.links[before as usize].0 = next;
+            self.corners[before as usize].next = next;
         }
         if next != NONE {
-            self.links[next as usize].1 = before;
+            self.corners[next as usize].before = before;
         }
     }
     fn show_or_hide(&mut self, t: u32) {
-        let [a, b, c] = self.triangles[t as usize];
-        let is_whole = a != b && b != c && c != a && [a, b, c].iter().all(|&v| v != NONE);
+        let is_whole = self.triangle(t).is_some_and(|[a, b, c]| a != b && b != c && c != a && a.max(b).max(c) != NONE);
         let at = self.shown_at[t as usize];
         if is_whole && at == NONE {
             self.shown_at[t as usize] = self.shown.len() as u32;
