@@ -322,7 +322,7 @@ impl LevelCoder {
                 (Side::Inside, _) | (_, false) => None,
                 (side, true) => self.link(coder, model, memory, (p, v, side), truth.as_deref(), mesh_vertex)?,
             };
-            self.place(coder, model, memory, surface, rows, (p, v, shares), own);
+            self.place(coder, model, memory, surface, rows, (p, v, shares), own)?;
             memory.know(rows);
             if let Some((t, w)) = truth.as_deref_mut().zip(mesh_vertex) {
                 t.vertex_order.push(w);
