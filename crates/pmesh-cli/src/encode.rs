@@ -198,10 +198,16 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
         // What is exact stays exact, and what is on a grid stays on one as fine, unless something else is asked for.
         how.bits = how.bits.or(stream.receiver.info().map(|i| Bits(i.position_bits)));
         // And compact stays compact.
-        if how.profile.is_none()
-            && kind == Stream::Pmesh
-            && stream.receiver.info().is_some_and(|i| i.format.starts_with("compact"))
-        {
+        let is_compact = stream.receiver.info().is_some_and(|i| i.format.starts_with("compact"));
+        if is_compact && kind == Stream::Pmesh && args.how.asks_for_nothing() {
+            output::write_bytes(&args.output, &bytes)?;
+            return if quiet {
+                Ok(())
+            } else {
+                say(&format!("{}: {} bytes, copied as they are", args.output.display(), bytes.len()))
+            };
+        }
+        if how.profile.is_none() && kind == Stream::Pmesh && is_compact {
             how.profile = Some(Profile::Prefix);
         }
         // Patches, forests and what is compact are levels of their own kind.
@@ -385,6 +391,11 @@ impl How {
             None if self.levels.is_some() || self.growth.is_some() || self.simplifier.is_some() => None,
             None => Some(simplify::Profile::Prefix),
         }
+    }
+    /// No option says how levels, coordinates or images are to be.
+    fn asks_for_nothing(&self) -> bool {
+        let counts = [self.levels.is_some(), self.growth.is_some(), self.base.is_some(), self.simplifier.is_some()];
+        !counts.contains(&true) && self.profile.is_none() && self.bits.is_none() && self.image.is_none()
     }
     /// Says which options have no effect where the levels are there already.
     pub fn warn_of_kept_levels(&self, path: &Path) {

@@ -94,6 +94,9 @@ fn converting_keeps_levels_that_sharpen() {
     printed(&at, "sample knot -o knot.pmesh");
     let first = printed(&at, "info knot.pmesh");
     assert!(first.contains("places of vertices that move between levels"), "{first}");
+    let copied = pmesh(&at, "convert knot.pmesh -o copy.pmesh");
+    assert!(copied.status.success() && copied.stderr.is_empty(), "{copied:?}");
+    assert_eq!(std::fs::read(at.join("copy.pmesh")).ok(), std::fs::read(at.join("knot.pmesh")).ok());
     for name in ["knot.lod", "knot-fast.pmesh --profile fast"] {
         let output = pmesh(&at, &format!("convert knot.pmesh -o {name}"));
         let said = String::from_utf8_lossy(&output.stderr);
