@@ -204,7 +204,7 @@ impl Levels {
             }
             let (way, rest) = self.tables.choose(range, &g, &w);
             self.tables.learn(&g, &w, Some(&way));
-            let v = self.split(mesh, p, &g, &way);
+            let v = self.split(mesh, p, &g, &way)?;
             let shared = self.seam(mesh, range, p, v, way.side)?;
             self.place(mesh, range, p, v, shared)?;
             last = v;
@@ -216,11 +216,14 @@ impl Levels {
     }
 
     /// 6.6. What is not known of the new vertex yet is 0.
-    fn split(&mut self, mesh: &mut Mesh, p: usize, g: &Gathered, way: &Way) -> usize {
+    fn split(&mut self, mesh: &mut Mesh, p: usize, g: &Gathered, way: &Way) -> Result<usize, String> {
         let v = mesh.count();
         let count = g.corners.len();
         let corner = |i: usize| g.corners[(i + g.begin) % count];
         let moving: Vec<usize> = (way.from..way.to).map(corner).collect();
+        if (1..moving.len()).any(|i| moving[..i].iter().any(|c| c / 3 == moving[i] / 3)) {
+            return Err("6.6: two corners of a triangle".into());
+        }
         let (n0, nm) = (g.ring[way.from % g.n], g.ring[way.to % g.n]);
         let new = match way.side {
             Side::Inside => {
@@ -249,7 +252,7 @@ impl Levels {
         self.known.push(Known { valence: moved_now as u16 + new, ..Default::default() });
         mesh.push(vec![0; mesh.width]);
         mesh.representatives.push((v, p));
-        v
+        Ok(v)
     }
 
     /// 6.7: the vertex whose position the new one has, if any.

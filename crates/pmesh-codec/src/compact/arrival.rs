@@ -1,6 +1,6 @@
 //! What a new vertex brings: whose position it shares, where it stands, its attributes.
 
-use super::center::{SIDES, Side};
+use super::center::Side;
 use super::level::{LevelCoder, LevelModel, LevelTruth};
 use super::place::P;
 use super::site::{Memory, Site};
@@ -59,7 +59,7 @@ impl LevelCoder {
         rows: &mut Rows,
         (p, v, shares): (u32, u32, Option<u32>),
         own: Option<&[i32]>,
-    ) -> Result<(), &'static str> {
+    ) {
         let (ring, star) = (&mut self.ring, &mut self.star);
         ring.clear();
         star.ring.clear();
@@ -71,9 +71,6 @@ impl LevelCoder {
         let mut last = NONE;
         for c in surface.around(surface.corner_of[v as usize]) {
             ring.push(surface.vertex(next(c)));
-            if ring.len() > SIDES {
-                return Err("a fan that does not end");
-            }
             let beyond = match surface.across[next(c) as usize] {
                 NONE => None,
                 other => Some(surface.vertex(previous(other))).filter(|&w| w < v).map(|w| exact_position(rows, w)),
@@ -84,10 +81,6 @@ impl LevelCoder {
         star.closed = surface.turn(last) != NONE;
         if !star.closed {
             ring.push(surface.vertex(previous(last)));
-        }
-        // Both corners of a triangle that has its vertex twice: no encoder sends them.
-        if ring.contains(&v) {
-            return Err("a vertex that is its own neighbour");
         }
         star.onto = ring.iter().position(|&r| r == p).unwrap_or(0);
         let share = 1.0 / ring.len() as f64;
@@ -138,7 +131,6 @@ impl LevelCoder {
         });
         let after = std::mem::replace(&mut memory.next[p as usize], v);
         memory.next.push(after);
-        Ok(())
     }
 }
 

@@ -315,14 +315,14 @@ impl LevelCoder {
             self.spent.ways += coder.position() - flagged;
             let way = way.ok_or("a split where none can be")?;
             model.ways.learn(&self.center, &self.ways, Some(way));
-            let v = self.split(surface, memory, p, way, part);
+            let v = self.split(surface, memory, p, way, part)?;
             let mesh_vertex = wanted.map(|w| w.1.vertex);
             let own = truth.as_deref().zip(mesh_vertex).map(|(t, w)| t.rows.row(w));
             let shares = match (way.side, rows.has_seams) {
                 (Side::Inside, _) | (_, false) => None,
                 (side, true) => self.link(coder, model, memory, (p, v, side), truth.as_deref(), mesh_vertex)?,
             };
-            self.place(coder, model, memory, surface, rows, (p, v, shares), own)?;
+            self.place(coder, model, memory, surface, rows, (p, v, shares), own);
             memory.know(rows);
             if let Some((t, w)) = truth.as_deref_mut().zip(mesh_vertex) {
                 t.vertex_order.push(w);
@@ -431,14 +431,24 @@ impl LevelCoder {
         (seam, at)
     }
 
-    /// Splits `p`; gives the new vertex.
-    fn split(&mut self, surface: &mut Surface, memory: &mut Memory, p: u32, way: Way, part: &mut Level) -> u32 {
+    /// Splits `p`; gives the new vertex. Errors: a triangle that has `p` twice would have the new vertex twice, its own neighbour.
+    fn split(
+        &mut self,
+        surface: &mut Surface,
+        memory: &mut Memory,
+        p: u32,
+        way: Way,
+        part: &mut Level,
+    ) -> Result<u32, &'static str> {
         let (from, to) = way.range();
         let around = self.center.neighbours();
         let k = if self.center.closed { around.len() } else { around.len() - 1 };
         let moved = to - from;
         let corner = |i: usize| self.fan[(i + self.begin) % k];
         let corners: Vec<u32> = (from..to).map(corner).collect();
+        if corners.iter().enumerate().any(|(i, c)| corners[..i].iter().any(|d| d / 3 == c / 3)) {
+            return Err("a split that takes two corners of a triangle");
+        }
         let chain: Vec<u32> = (from..=to).map(|i| around[i % around.len()].vertex).collect();
         let before = surface.triangles.len();
         let v = surface.corner_of.len() as u32;
@@ -468,7 +478,7 @@ impl LevelCoder {
         site.valence = site.valence + new - moved as u16;
         self.valence = moved as u16 + new;
         part.triangles.extend_from_slice(&surface.triangles[before..]);
-        v
+        Ok(v)
     }
 }
 

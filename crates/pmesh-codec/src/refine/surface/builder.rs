@@ -89,8 +89,8 @@ impl SurfaceBuilder {
             _ => {
                 // One edge each way, and no more: where others lie beside it nothing is across. A triangle that has a vertex twice is not across from
                 // itself: its fan would never end.
-                let alone = a != b && self.only(a, b).is_some();
-                if let Some(other) = self.only(b, a).filter(|other| alone && other / 3 != i / 3) {
+                let back = self.only(a, b).and_then(|_| self.only(b, a));
+                if let Some(other) = back.filter(|other| other / 3 != i / 3) {
                     self.surface.across[i as usize] = other;
                 }
             }
