@@ -90,8 +90,7 @@ impl LevelCoder {
             star.valences.push(f64::from(site.valence));
             star.normals.push(site.normal.map(f64::from));
             star.exact += usize::from(site.is_exact());
-            let miss = memory.misses[r as usize];
-            star.misses = [0, 1].map(|i| star.misses[i] + share * f64::from(miss[i]));
+            star.misses = [0, 1].map(|i| star.misses[i] + share * f64::from(site.misses[i]));
         }
         let (ring, star) = (&self.ring, &self.star);
         let truth = own.map(|o| [o[0], o[1], o[2]].map(|x| x >> rows.shift));
@@ -101,7 +100,8 @@ impl LevelCoder {
             Some(w) => {
                 rows.seams.push((v, memory.first(w)));
                 let row = rows.row(w);
-                ([row[0], row[1], row[2]], memory.misses[w as usize].map(f64::from), memory.sites[w as usize].is_exact())
+                let site = &memory.sites[w as usize];
+                ([row[0], row[1], row[2]], site.misses.map(f64::from), site.is_exact())
             }
         };
         rows.values.extend(place);
@@ -116,21 +116,21 @@ impl LevelCoder {
         }
         self.spent.attributes += coder.position() - placed;
         let miss = [miss[0] as f32, miss[1] as f32];
-        memory.misses.push(miss);
         for &r in ring {
-            let m = &mut memory.misses[r as usize];
+            let m = &mut memory.sites[r as usize].misses;
             *m = [0.75 * m[0] + 0.25 * miss[0], 0.75 * m[1] + 0.25 * miss[1]];
         }
-        memory.sites.push(Site {
-            position: place.map(|x| x as f32),
-            edge: memory.sites[p as usize].edge,
+        let from = &mut memory.sites[p as usize];
+        let new = Site {
+            edge: from.edge,
             normal: star.normal().map(|x| x as f32),
+            misses: miss,
+            next: std::mem::replace(&mut from.next, v),
             valence: self.valence,
             birth: model.levels.min(255) as u8,
             marks: u8::from(exact),
-        });
-        let after = std::mem::replace(&mut memory.next[p as usize], v);
-        memory.next.push(after);
+        };
+        memory.sites.push(new);
     }
 }
 

@@ -5,7 +5,7 @@ use super::center::{Center, Neighbour, SIDES, Seam, Side, VALENCE_LIMIT, Way};
 use super::mixer::Mixer;
 use super::options::{WayModel, Ways};
 use super::place::{PlaceModel, Star};
-use super::site::{Memory, Site};
+use super::site::{Memory, Site, position};
 use crate::pmesh::varint::Reader;
 use crate::range::{Chance, Coder, NumberModel, RangeDecoder, SignedModel};
 use crate::refine::Levels;
@@ -187,9 +187,8 @@ impl LevelCoder {
             surface.reserve(more, 2 * more);
             rows.values.reserve_exact(more * rows.width);
             if self.looked == 0 {
-                memory.sites.resize(self.start, Site::default());
-                memory.next = (1..=self.start as u32).collect();
-                memory.misses.resize(self.start, [0.03, 0.08]);
+                let site = |next| Site { next, misses: [0.03, 0.08], ..Default::default() };
+                memory.sites.extend((1..=self.start as u32).map(site));
             }
         }
         // The base: later vertices are known as they come.
@@ -217,7 +216,7 @@ impl LevelCoder {
         let stop = self.asked.saturating_add(limit).min(self.start);
         while self.asked < stop && coder.has(self.reach) {
             let before = coder.byte_position();
-            let next = memory.next[self.at as usize];
+            let next = memory.sites[self.at as usize].next;
             self.vertex(coder, (model, memory), (surface, rows), truth.as_deref_mut(), part)?;
             self.read(coder, before)?;
             memory.sites[self.at as usize].mark_asked(model.levels);
@@ -284,7 +283,7 @@ impl LevelCoder {
                     break;
                 }
             }
-            if !self.gather(surface, memory, p, last, splits, model.levels) {
+            if !self.gather(surface, (memory, rows), p, last, splits, model.levels) {
                 break;
             }
             model.ways.weigh(&self.center, &mut self.ways);
@@ -338,7 +337,15 @@ impl LevelCoder {
 
     /// The neighbourhood of `p`; arcs begin after `last`. False if its triangles are not one fan, or too many: such a vertex never
     /// splits.
-    fn gather(&mut self, surface: &Surface, memory: &Memory, p: u32, last: u32, splits: usize, level: usize) -> bool {
+    fn gather(
+        &mut self,
+        surface: &Surface,
+        (memory, rows): (&Memory, &Rows),
+        p: u32,
+        last: u32,
+        splits: usize,
+        level: usize,
+    ) -> bool {
         let site = &memory.sites[p as usize];
         let valence = usize::from(site.valence);
         if valence == 0 || valence > VALENCE_LIMIT {
@@ -365,7 +372,7 @@ impl LevelCoder {
         self.begin = begin;
         let (end, start) = ring.split_at(begin);
         let c = &mut self.center;
-        c.position = site.position;
+        c.position = position(rows, p);
         c.edge = site.edge;
         c.closed = closed;
         c.count = 0;
@@ -377,7 +384,7 @@ impl LevelCoder {
             }
             c.push(Neighbour {
                 vertex: n,
-                position: site.position,
+                position: position(rows, n),
                 edge: site.edge,
                 valence: site.valence,
                 state: if n as usize >= self.start { 2 } else { u8::from(site.was_asked(level)) },

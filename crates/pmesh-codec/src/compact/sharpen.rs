@@ -10,7 +10,6 @@ impl LevelModel {
     fn sharpen(&mut self, coder: &mut impl Coder, memory: &mut Memory, rows: &mut Rows, v: u32, own: Option<&[i32]>) {
         let first = memory.first(v);
         let at = v as usize * rows.width;
-        let site = &mut memory.sites[v as usize];
         for k in 0..3 {
             rows.values[at + k] = if first < v {
                 rows.value(first, k) as i32
@@ -18,9 +17,8 @@ impl LevelModel {
                 let bit = coder.bit(&mut self.sharper[k], own.is_some_and(|o| o[k] >> rows.shift & 1 == 1));
                 rows.values[at + k].wrapping_mul(2).wrapping_add(i32::from(bit))
             };
-            site.position[k] = rows.values[at + k] as f32;
         }
-        site.edge *= 2.0;
+        memory.sites[v as usize].edge *= 2.0;
     }
 }
 

@@ -4,15 +4,19 @@ use super::vector::{Vector, add, cross, length, scale, sub};
 use crate::refine::rows::Rows;
 use crate::refine::surface::{NONE, Surface, next, previous};
 
-/// What is known of a vertex beside its row. In 32 bytes: neighbours lie anywhere, and each look at one is a cache line.
+/// What is known of a vertex beside its row. In 32 bytes, aligned: neighbours lie anywhere, and a look at one is one cache line.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(align(32))]
 pub(super) struct Site {
-    pub(super) position: Vector<f32>,
     /// Mean length of its edges when it was last asked; of a new vertex that of the one it split from.
     pub(super) edge: f32,
     /// Its normal when it was last asked; of a new vertex that of its ring.
     pub(super) normal: Vector<f32>,
+    /// How far off its prediction was, and those of its neighbours since.
+    pub(super) misses: [f32; 2],
+    /// The vertex that is asked after it: one that it split into, or the next of before. So what lies together on the surface is asked
+    /// together at every level, and numbered together.
+    pub(super) next: u32,
     /// Triangles there, at most 65,535.
     pub(super) valence: u16,
     /// Its level, at most 255.
@@ -39,11 +43,6 @@ impl Site {
 #[derive(Default)]
 pub(super) struct Memory {
     pub(super) sites: Vec<Site>,
-    /// The vertex that is asked after each: one that it split into, or the next of before. So what lies together on the surface is asked
-    /// together at every level, and numbered together.
-    pub(super) next: Vec<u32>,
-    /// How far off the prediction of each was.
-    pub(super) misses: Vec<[f32; 2]>,
     /// Mean edge length of the vertices that the level before asked.
     pub(super) mean_edge: f64,
     /// First vertex at the position of each; empty where none share one.
@@ -59,8 +58,6 @@ impl Memory {
     /// Room for so many vertices more.
     pub(super) fn reserve(&mut self, more: usize) {
         self.sites.reserve_exact(more);
-        self.next.reserve_exact(more);
-        self.misses.reserve_exact(more);
     }
     /// First vertex at the position of `v`.
     pub(super) fn first(&self, v: u32) -> u32 {
@@ -96,7 +93,6 @@ impl Memory {
             }
         }
         let site = &mut self.sites[v as usize];
-        site.position = own;
         site.normal = unit(normal);
         site.edge = if count > 0.0 { sum / count } else { 0.0 };
         self.mean_edge += f64::from(site.edge);
