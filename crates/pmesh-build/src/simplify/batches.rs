@@ -204,7 +204,8 @@ impl Work {
             }
             self.ring(c.vertex, &mut ring);
             let Some(onto) = ring.vertices.iter().position(|&x| x == c.onto) else { continue };
-            if !self.fits(&mut ring, onto) {
+            // Where no neighbour of the goal has gone it fits as it did.
+            if locked[c.onto as usize] && !self.fits(&mut ring, onto) {
                 continue;
             }
             ring.vertices.iter().for_each(|&x| locked[x as usize] = true);

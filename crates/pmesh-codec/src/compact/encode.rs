@@ -1,7 +1,7 @@
 //! Levels of collapses to bytes. The encoder refines as the decoder will, so that both number everything alike.
 
 use super::center::Side;
-use super::level::{LevelCoder, LevelModel, LevelTruth, Spent, Split};
+use super::level::{LevelCoder, LevelModel, LevelTruth, Spent, Splits};
 use super::site::Memory;
 use crate::pmesh::channels::Quantisation;
 use crate::pmesh::header::{Container, SHIFT_LIMIT};
@@ -123,12 +123,10 @@ pub fn encode(stream: &CompactStream, position_bits: Option<u8>, out: &mut impl 
     let mut coded = writer.coded();
     let (mut model, mut memory) = (LevelModel::new(writer.rows.width), Memory::default());
     for (i, level) in stream.levels.iter().enumerate() {
-        let mut splits = vec![Vec::new(); writer.rows.count() as usize];
+        let mut splits = Splits::new(writer.rows.count(), level.len());
         for r in level {
-            let chain = r.chain.iter().map(|&v| coded[v as usize]).collect();
-            let apex = coded[r.apex as usize] as usize;
-            let list = splits.get_mut(apex).ok_or("a split of nothing").map_err(misfit)?;
-            list.push(Split { vertex: r.vertex, side: r.side, chain });
+            let chain = (r.chain.first().map_or(NONE, |&v| coded[v as usize]), r.chain.len() as u32);
+            splits.add(coded[r.apex as usize], (r.vertex, r.side), chain).map_err(misfit)?;
         }
         let count = level.len() as u32;
         let before = writer.rows.count();

@@ -49,18 +49,62 @@ impl LevelModel {
 }
 
 /// A split that the encoder knows of, in coded numbers.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Split {
     /// Number in the mesh.
     pub(super) vertex: u32,
     pub(super) side: Side,
-    pub(super) chain: Vec<u32>,
+    /// First of the vertices between which its triangles lie, and how many these are.
+    pub(super) from: u32,
+    pub(super) count: u32,
+    /// Another split of the same vertex.
+    after: u32,
+}
+
+/// The splits of a level, by what splits.
+pub(super) struct Splits {
+    first: Vec<u32>,
+    all: Vec<Split>,
+}
+
+impl Splits {
+    pub(super) fn new(vertices: u32, splits: usize) -> Self {
+        Self { first: vec![NONE; vertices as usize], all: Vec::with_capacity(splits) }
+    }
+    /// Adds `vertex` as one that splits from `p`. Error: `p` is not there, or the chain is empty.
+    pub(super) fn add(&mut self, p: u32, (vertex, side): (u32, Side), chain: (u32, u32)) -> Result<(), &'static str> {
+        let first = self.first.get_mut(p as usize).filter(|_| chain.1 > 0).ok_or("a split of nothing")?;
+        let after = std::mem::replace(first, self.all.len() as u32);
+        self.all.push(Split { vertex, side, from: chain.0, count: chain.1, after });
+        Ok(())
+    }
+    fn any(&self, p: u32) -> bool {
+        self.first[p as usize] != NONE
+    }
+    /// Takes the split of `p` out that has the least key. Error: one has none.
+    fn take<K: Ord>(&mut self, p: u32, key: impl Fn(&Split) -> Option<K>) -> Result<Option<(K, Split)>, &'static str> {
+        let (mut best, mut before, mut at): (Option<(K, u32, Split)>, _, _) = (None, NONE, self.first[p as usize]);
+        while let Some(split) = self.all.get(at as usize) {
+            let key = key(split).ok_or("a split elsewhere")?;
+            if best.as_ref().is_none_or(|(least, ..)| key < *least) {
+                best = Some((key, before, *split));
+            }
+            (before, at) = (at, split.after);
+        }
+        Ok(best.map(|(key, before, split)| {
+            match self.all.get_mut(before as usize) {
+                Some(before) => before.after = split.after,
+                None => self.first[p as usize] = split.after,
+            }
+            (key, split)
+        }))
+    }
 }
 
 /// What the encoder knows.
 pub(super) struct LevelTruth<'a> {
-    /// By coded vertex: what it splits into.
-    pub(super) splits: &'a mut [Vec<Split>],
+    /// By coded vertices.
+    pub(super) splits: &'a mut Splits,
     pub(super) rows: &'a Rows,
     /// Low bits of a coordinate that the level lacks.
     pub(super) shift: u32,
@@ -258,10 +302,7 @@ impl LevelCoder {
         let mut splits = 0;
         let mut moved = 0;
         while memory.count() < self.end {
-            let wanted = match truth.as_deref_mut() {
-                Some(t) if C::ENCODES => t.splits[p as usize].len(),
-                _ => 0,
-            };
+            let wanted = truth.as_deref().is_some_and(|t| t.splits.any(p));
             let before = coder.position();
             if splits > 0 {
                 // Mostly not; so the neighbours are not asked.
@@ -277,7 +318,7 @@ impl LevelCoder {
                     (w.free.min(17) * 18 + moved) * 4 + splits.min(3),
                     (bin * 8 + model.levels.min(7)) * 18 + moved,
                 ];
-                let again = model.again.code(coder, 0, at, w.rest, wanted > 0);
+                let again = model.again.code(coder, 0, at, w.rest, wanted);
                 self.spent.flags += coder.position() - before;
                 if !again {
                     break;
@@ -296,7 +337,7 @@ impl LevelCoder {
                 break;
             }
             let wanted = match truth.as_deref_mut() {
-                Some(t) if C::ENCODES => self.wanted(&mut t.splits[p as usize])?,
+                Some(t) if C::ENCODES => self.wanted(t.splits, p)?,
                 _ => None,
             };
             let before = coder.position();
@@ -407,21 +448,15 @@ impl LevelCoder {
         true
     }
 
-    /// The split that comes first, and its way.
-    fn wanted(&self, splits: &mut Vec<Split>) -> Result<Option<(Way, Split)>, &'static str> {
-        let mut best: Option<(usize, bool, usize)> = None;
-        for (k, s) in splits.iter().enumerate() {
-            let from = self.center.neighbours().iter().position(|n| n.vertex == s.chain[0]).ok_or("a split elsewhere")?;
-            let key = (from, s.side != Side::Head, k);
-            if best.is_none_or(|b| key < b) {
-                best = Some(key);
-            }
-        }
-        let Some((from, _, k)) = best else { return Ok(None) };
-        let s = splits.swap_remove(k);
-        let to = from + s.chain.len() - 1;
-        let way = Way { side: s.side, from: from as u8, to: to as u8 };
-        Ok(Some((way, s)))
+    /// The split of `p` that comes first, and its way.
+    fn wanted(&self, splits: &mut Splits, p: u32) -> Result<Option<(Way, Split)>, &'static str> {
+        let around = self.center.neighbours();
+        let key = |s: &Split| around.iter().position(|n| n.vertex == s.from).map(|from| (from, s.side != Side::Head));
+        let first = splits.take(p, key)?;
+        Ok(first.map(|((from, _), s)| {
+            let to = from + s.count as usize - 1;
+            (Way { side: s.side, from: from as u8, to: to as u8 }, s)
+        }))
     }
 
     fn contexts(&self, level: usize) -> (usize, [usize; FLAGS]) {

@@ -32,6 +32,8 @@ pub(super) struct Ring {
     areas: Vec<Point>,
     /// Scratch: neighbours of the vertex to go onto.
     goal: Vec<u32>,
+    /// Scratch: the least that going onto each neighbour costs.
+    floors: Vec<(f64, usize)>,
 }
 
 pub(super) struct Candidate {
@@ -221,22 +223,24 @@ impl Work {
         self.ring(v, ring);
         self.measure(v, ring);
         let n = ring.vertices.len();
-        let mut best: Option<Candidate> = None;
-        for onto in 0..n {
-            if !ring.closed && onto != 0 && onto != n - 1 {
-                continue;
-            }
-            let floor = self.quadrics[v as usize].at(self.positions[ring.vertices[onto] as usize]);
-            let least = best.as_ref().map_or(f64::INFINITY, |b| b.cost);
-            if floor >= least {
-                continue;
+        let along = |onto: &usize| ring.closed || *onto == 0 || onto + 1 == n;
+        let floor = |onto: usize| self.quadrics[v as usize].at(self.positions[ring.vertices[onto] as usize]);
+        let mut floors = std::mem::take(&mut ring.floors);
+        floors.clear();
+        floors.extend((0..n).filter(along).map(|onto| (floor(onto), onto)));
+        floors.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let mut best: Option<(f64, usize)> = None;
+        for &(floor, onto) in &floors {
+            if best.is_some_and(|(least, _)| floor > least) {
+                break;
             }
             let cost = self.cost(v, ring, onto);
-            if cost < least && self.fits(ring, onto) {
-                best = Some(Candidate { cost, vertex: v, onto: ring.vertices[onto] });
+            if best.is_none_or(|b| (cost, onto) < b) && self.fits(ring, onto) {
+                best = Some((cost, onto));
             }
         }
-        best
+        ring.floors = floors;
+        best.map(|(cost, onto)| Candidate { cost, vertex: v, onto: ring.vertices[onto] })
     }
 
     /// The collapse that halves a grid in three steps, if `v` is one that goes in this one: of each four vertices the one at odd
