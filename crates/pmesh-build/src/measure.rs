@@ -1,8 +1,7 @@
 //! Exact distances between surfaces, for benchmarks and tests: sampled points of one against all triangles of the other.
 
+use crate::vector::{Point, dot, from_triangle, sub};
 use pmesh_core::IndexedMesh;
-
-type Point = [f64; 3];
 
 /// Root mean square and maximum distance.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -36,12 +35,6 @@ fn one_sided(from: &IndexedMesh, to: &IndexedMesh, samples: usize) -> Deviation 
 
 fn corners(mesh: &IndexedMesh, t: usize) -> [Point; 3] {
     mesh.triangles[t].map(|v| mesh.vertices.positions[v as usize].map(f64::from))
-}
-fn sub(a: Point, b: Point) -> Point {
-    std::array::from_fn(|k| a[k] - b[k])
-}
-fn dot(a: Point, b: Point) -> f64 {
-    (0..3).map(|k| a[k] * b[k]).sum()
 }
 fn area(t: [Point; 3]) -> f64 {
     let (u, v) = (sub(t[1], t[0]), sub(t[2], t[0]));
@@ -167,26 +160,10 @@ impl<'a> Grid<'a> {
     }
 }
 
-/// Squared distance of a point to a triangle (Ericson, Real-Time Collision Detection, 5.1.5).
-fn point_triangle_squared(p: Point, [a, b, c]: [Point; 3]) -> f64 {
-    let on_segment = |a: Point, b: Point| {
-        let d = sub(b, a);
-        let l = dot(d, d);
-        let t = if l > 0.0 { (dot(sub(p, a), d) / l).clamp(0.0, 1.0) } else { 0.0 };
-        let q: Point = std::array::from_fn(|k| a[k] + t * d[k]);
-        dot(sub(p, q), sub(p, q))
-    };
-    let (u, v, w) = (sub(b, a), sub(c, a), sub(p, a));
-    let (uu, uv, vv, wu, wv) = (dot(u, u), dot(u, v), dot(v, v), dot(w, u), dot(w, v));
-    let determinant = uu * vv - uv * uv;
-    if determinant > 1e-30 {
-        let (s, t) = ((vv * wu - uv * wv) / determinant, (uu * wv - uv * wu) / determinant);
-        if s >= 0.0 && t >= 0.0 && s + t <= 1.0 {
-            let q: Point = std::array::from_fn(|k| w[k] - s * u[k] - t * v[k]);
-            return dot(q, q);
-        }
-    }
-    on_segment(a, b).min(on_segment(b, c)).min(on_segment(c, a))
+/// Squared distance of a point to a triangle.
+fn point_triangle_squared(p: Point, triangle: [Point; 3]) -> f64 {
+    let from = from_triangle(p, triangle);
+    dot(from, from)
 }
 
 #[cfg(test)]

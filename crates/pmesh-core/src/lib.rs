@@ -41,6 +41,7 @@ mod error;
 mod export;
 pub mod forest;
 pub mod geomorph;
+pub mod hierarchy;
 mod level;
 pub mod local;
 mod mesh;
@@ -52,6 +53,7 @@ pub mod reference;
 mod retired;
 mod split;
 pub mod stepped;
+pub mod surface;
 mod versions;
 
 pub use append::Change;

@@ -14,8 +14,8 @@ use super::lattice;
 use super::quadric::{Point, Quadric, cross, dot, sub};
 use candidates::{Grid, Ring};
 use pmesh_codec::compact::{CompactStream, Removed, Side, seams};
-use pmesh_codec::refine::surface::{NONE, Surface, next, previous};
 use pmesh_core::IndexedMesh;
+use pmesh_core::surface::{NONE, Surface, next, previous};
 
 /// How far to go.
 #[derive(Clone, Copy, Debug, PartialEq)]

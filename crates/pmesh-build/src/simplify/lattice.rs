@@ -1,6 +1,6 @@
 //! Meshes that are a grid: height maps, above all. Coordinates of their vertices, found from connectivity alone.
 
-use pmesh_codec::refine::surface::{NONE, Surface, next, previous};
+use pmesh_core::surface::{NONE, Surface, next, previous};
 use std::collections::VecDeque;
 
 /// Part of the vertices that one grid must reach.

@@ -11,17 +11,7 @@ pub(super) struct Quadric {
     pub(super) weight: f64,
 }
 
-pub(super) type Point = [f64; 3];
-
-pub(super) fn sub(a: Point, b: Point) -> Point {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-pub(super) fn dot(a: Point, b: Point) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-pub(super) fn cross(a: Point, b: Point) -> Point {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
+pub(super) use crate::vector::{Point, cross, dot, sub};
 
 impl Quadric {
     /// `weight` × squared distance to the plane through `p` with unit normal `n`.

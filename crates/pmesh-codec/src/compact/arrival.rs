@@ -6,7 +6,7 @@ use super::place::P;
 use super::site::{Memory, Site};
 use crate::range::Coder;
 use crate::refine::rows::Rows;
-use crate::refine::surface::{NONE, Surface, next, previous};
+use pmesh_core::surface::{NONE, Surface, next, previous};
 
 /// A new vertex of the boundary.
 pub(super) struct Fresh {

@@ -8,9 +8,9 @@ use crate::pmesh::header::{Container, SHIFT_LIMIT};
 use crate::pmesh::varint::put;
 use crate::range::Encoder;
 use crate::refine::encode::{Writer, misfit};
-use crate::refine::surface::{NONE, Surface};
 use crate::{EncodeError, Texture};
 use pmesh_core::IndexedMesh;
+use pmesh_core::surface::{NONE, Surface};
 use std::io::Write;
 
 /// A vertex that a coarser level lacks.

@@ -10,7 +10,7 @@ use crate::pmesh::varint::Reader;
 use crate::range::{Chance, Coder, NumberModel, RangeDecoder, SignedModel};
 use crate::refine::Levels;
 use crate::refine::rows::Rows;
-use crate::refine::surface::{Fan, NONE, Surface};
+use pmesh_core::surface::{Fan, NONE, Surface};
 use pmesh_core::{CornerMove, Level};
 use std::collections::HashMap;
 

@@ -2,7 +2,7 @@
 
 use super::vector::{Vector, add, cross, length, scale, sub};
 use crate::refine::rows::Rows;
-use crate::refine::surface::{NONE, Surface, next, previous};
+use pmesh_core::surface::{NONE, Surface, next, previous};
 
 /// What is known of a vertex beside its row. In 32 bytes, aligned: neighbours lie anywhere, and a look at one is one cache line.
 #[derive(Clone, Copy, Debug, Default)]

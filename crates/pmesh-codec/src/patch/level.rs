@@ -8,7 +8,7 @@ use crate::range::{Coder, RangeDecoder};
 use crate::refine::Levels;
 use crate::refine::question::{CLASSES, Question};
 use crate::refine::rows::{RowModel, Rows};
-use crate::refine::surface::{CanonicalOrder, Fan, NONE, Surface, next, previous};
+use pmesh_core::surface::{CanonicalOrder, Fan, NONE, Surface, next, previous};
 use pmesh_core::{CornerMove, Level};
 
 /// What is known of a triangle.

@@ -5,8 +5,8 @@
 //! known but not beside the edge is named by its number, and edges of many triangles pair up as they come.
 
 use super::rows::{RowModel, Rows};
-use super::surface::NONE;
 use crate::range::{Chance, Coder, NumberModel};
+use pmesh_core::surface::NONE;
 use std::collections::{HashMap, VecDeque};
 
 /// Length of the edge, in grid steps, that is expected where there is none yet.

@@ -3,7 +3,6 @@
 
 use super::base::BaseCoder;
 use super::rows::Rows;
-use super::surface::{Surface, SurfaceBuilder};
 use super::{Levels, item_limit};
 use crate::pmesh::channels::Channels;
 use crate::pmesh::header::{BlockKind, Container, Header, PREAMBLE_BYTES};
@@ -12,6 +11,7 @@ use crate::range::{Coder, LOOK_AHEAD, OVERRUN, RangeDecoder};
 use crate::{DecodeError, Decoder, Event, Place};
 use crc32fast::Hasher;
 use pmesh_core::Level;
+use pmesh_core::surface::{Surface, SurfaceBuilder};
 use std::collections::VecDeque;
 
 /// Triangles or vertices a step: a fraction of a millisecond.

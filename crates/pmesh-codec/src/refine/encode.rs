@@ -3,13 +3,13 @@
 use super::base::{BaseCoder, BaseTruth};
 use super::item_limit;
 use super::rows::Rows;
-use super::surface::{NONE, Surface};
 use crate::pmesh::channels::{Channels, Quantisation};
 use crate::pmesh::check_precision;
 use crate::pmesh::header::{Block, BlockKind, Container, Header};
 use crate::pmesh::texture;
 use crate::range::Encoder;
 use crate::{EncodeError, Texture};
+use pmesh_core::surface::{NONE, Surface};
 use pmesh_core::{IndexedMesh, Vertices};
 use std::io::Write;
 

@@ -2,19 +2,18 @@
 //!
 //! The container is `.pmesh`'s ([`crate::pmesh::header`]) with another signature; each block is a level, entropy-coded. The
 //! base has a single-rate coder ([`base`]); how a level is coded is its own format's business ([`Levels`]). Encoder and decoder
-//! refine the same [`surface`], so that both number everything alike.
+//! refine the same [`Surface`], so that both number everything alike.
 
 pub(crate) mod base;
 pub(crate) mod decode;
 pub(crate) mod encode;
 pub(crate) mod question;
 pub(crate) mod rows;
-pub mod surface;
 
 use crate::range::RangeDecoder;
 use pmesh_core::Level;
+use pmesh_core::surface::Surface;
 use rows::Rows;
-use surface::Surface;
 
 /// Most vertices and triangles that a block of `bytes` may announce. Real ones have one or two a byte.
 pub(crate) fn item_limit(bytes: u32) -> u64 {

@@ -2,7 +2,7 @@
 
 use super::geometry::{colors, indices, normals, points, runs, texcoords};
 use super::tree::Node;
-use crate::refine::surface::{CanonicalOrder, Fan, Surface};
+use pmesh_core::surface::{CanonicalOrder, Fan, Surface};
 use pmesh_core::{Attributes, CornerMove, Level, Vertices};
 use std::collections::HashMap;
 

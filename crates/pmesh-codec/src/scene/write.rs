@@ -5,8 +5,8 @@
 use super::prog::{joined, mean, rim_of};
 use crate::EncodeError;
 use crate::patch::PatchStream;
-use crate::refine::surface::{CanonicalOrder, Fan, NONE, Surface};
 use pmesh_core::Vertices;
+use pmesh_core::surface::{CanonicalOrder, Fan, NONE, Surface};
 use std::io::Write;
 
 /// How nodes are written.

@@ -4,9 +4,9 @@ use super::level::{SplitCoder, SplitModel, SplitTruth};
 use crate::pmesh::header::Container;
 use crate::range::Encoder;
 use crate::refine::encode::{Writer, misfit};
-use crate::refine::surface::{NONE, Surface, next};
 use crate::{EncodeError, Texture};
 use pmesh_core::IndexedMesh;
+use pmesh_core::surface::{NONE, Surface, next};
 use std::collections::HashMap;
 use std::io::Write;
 

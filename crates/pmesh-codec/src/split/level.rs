@@ -6,8 +6,8 @@ use crate::range::{Coder, RangeDecoder};
 use crate::refine::Levels;
 use crate::refine::question::{CLASSES, Question};
 use crate::refine::rows::{RowModel, Rows};
-use crate::refine::surface::{CanonicalOrder, NONE, Surface, next, previous};
 use pmesh_core::Level;
+use pmesh_core::surface::{CanonicalOrder, NONE, Surface, next, previous};
 use std::collections::{HashMap, VecDeque};
 
 /// Neighbours that may be unknown are told apart up to there.

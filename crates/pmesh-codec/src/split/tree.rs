@@ -1,7 +1,7 @@
 //! One tree: its walk, the cut along it, the triangles that fill the gap.
 
-use crate::refine::surface::{NONE, Surface, next, previous};
 use pmesh_core::CornerMove;
+use pmesh_core::surface::{NONE, Surface, next, previous};
 
 /// A side of the gap: an edge of a triangle that stays, the gap on its right.
 #[derive(Clone, Debug)]

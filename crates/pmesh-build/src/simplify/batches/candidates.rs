@@ -1,7 +1,7 @@
 //! What each vertex would cost, and which neighbour it would go onto.
 
 use super::{Point, Work, cross, dot, sub};
-use pmesh_codec::refine::surface::{NONE, next, previous};
+use pmesh_core::surface::{NONE, next, previous};
 use std::thread;
 
 /// Vertices below which a second thread is not worth starting.

@@ -6,17 +6,19 @@ mod canonical;
 pub use builder::SurfaceBuilder;
 pub use canonical::CanonicalOrder;
 
-use pmesh_core::turned;
+use crate::turned;
 use std::collections::HashMap;
 
 /// Stands for "nothing there".
 pub const NONE: u32 = u32::MAX;
 
 /// The corner after `c` in its triangle.
+#[inline(always)]
 pub fn next(c: u32) -> u32 {
     if c % 3 == 2 { c - 2 } else { c + 1 }
 }
 /// The corner before `c` in its triangle.
+#[inline(always)]
 pub fn previous(c: u32) -> u32 {
     if c.is_multiple_of(3) { c + 2 } else { c - 1 }
 }
@@ -52,13 +54,13 @@ impl Surface {
         builder.surface
     }
     /// Room for so many vertices and triangles more.
-    pub(crate) fn reserve(&mut self, vertices: usize, triangles: usize) {
+    pub fn reserve(&mut self, vertices: usize, triangles: usize) {
         self.across.reserve_exact(3 * triangles);
         self.triangles.reserve_exact(triangles);
         self.corner_of.reserve_exact(vertices);
     }
     /// Number of each triangle by its corners, [`turned`].
-    pub(crate) fn places(&self) -> HashMap<[u32; 3], u32> {
+    pub fn places(&self) -> HashMap<[u32; 3], u32> {
         self.triangles.iter().enumerate().map(|(t, &v)| (turned(v), t as u32)).collect()
     }
     /// Vertex at a corner.
@@ -82,6 +84,7 @@ impl Surface {
 
     /// Corners of one fan about the vertex of corner `start`, counter-clockwise: from `start` if the fan is closed, else from its
     /// clockwise-most corner. Ends, since what lies across edges is paired.
+    #[inline]
     pub fn around(&self, start: u32) -> impl Iterator<Item = u32> {
         let mut first = start;
         loop {
@@ -100,7 +103,7 @@ impl Surface {
 
     /// Lists the corners of the fan about `v`, as [`Self::around`], and the vertices about it; gives how many corners, and whether it
     /// is closed. `None` if there are none, or no room for them and one vertex more.
-    pub(crate) fn fan_of<const N: usize>(&self, v: u32, fan: &mut [u32; N], ring: &mut [u32; N]) -> Option<(usize, bool)> {
+    pub fn fan_of<const N: usize>(&self, v: u32, fan: &mut [u32; N], ring: &mut [u32; N]) -> Option<(usize, bool)> {
         let start = self.corner_of[v as usize];
         if start == NONE {
             return None;

@@ -1,0 +1,213 @@
+//! A mesh to a vertex hierarchy: half-edge collapses in independent sets (E.15), with the fundamental cut vertices of each (E.3) and bounds of what
+//! lies below (E.10).
+
+use crate::vector::{Point, add, cross, dot, from_triangle, length, sub};
+use pmesh_codec::compact::CompactStream;
+use pmesh_core::IndexedMesh;
+use pmesh_core::hierarchy::{Bounds, HierarchyError, NONE, VertexHierarchy};
+
+/// Most vertices below a node whose distances are looked at; of more, some.
+const LOOKS: usize = 64;
+
+/// The hierarchy of what `stream` takes apart. Positions are those of `mesh`, which is the stream's or that on its grid. O(n log n). Errors: a stream that does not fit the mesh.
+pub fn hierarchy(mesh: &IndexedMesh, stream: &CompactStream) -> Result<VertexHierarchy, HierarchyError> {
+    let (low, high) = mesh.bounds();
+    let diagonal = (0..3).map(|k| f64::from(high[k]) - f64::from(low[k])).map(|x| x * x).sum::<f64>().sqrt();
+    // No ball about a vertex need be larger.
+    let unit = if diagonal > 0.0 { 2.0 * diagonal } else { 1.0 };
+    let mut replay = Replay::new(mesh, unit);
+    let mut collapses = Vec::with_capacity(stream.levels.iter().map(Vec::len).sum());
+    let mut bounds = Vec::with_capacity(collapses.capacity());
+    for r in stream.levels.iter().rev().flatten() {
+        let n = mesh.vertices.len() as u32;
+        if r.vertex >= n || r.apex >= n || r.vertex == r.apex {
+            return Err(HierarchyError::BadVertex { collapse: collapses.len() as u32, vertex: r.vertex });
+        }
+        let cuts = replay.collapse(r.vertex, r.apex);
+        collapses.push((r.vertex, r.apex, cuts));
+        bounds.push(replay.bounds(r.apex));
+    }
+    let mut hierarchy = VertexHierarchy::new(mesh.vertices.positions.clone(), &collapses, &stream.base_triangles)?;
+    // Nodes with children have the bounds of their collapse, the last one first.
+    let mut of_node = vec![Bounds::default(); hierarchy.nodes().len()];
+    for (i, node) in hierarchy.nodes().iter().enumerate().filter(|(_, n)| n.child != NONE) {
+        let number = (node.child - hierarchy.root_count()) as usize / 2;
+        of_node[i] = bounds[bounds.len() - 1 - number];
+    }
+    hierarchy.set_bounds(unit, |i| of_node[i as usize])?;
+    Ok(hierarchy)
+}
+
+/// A cone of normals: cosine and sine of its half angle; more than a right angle is none.
+#[derive(Clone, Copy)]
+struct Cone {
+    axis: Point,
+    angle: Option<(f64, f64)>,
+}
+
+struct Replay<'a> {
+    mesh: &'a IndexedMesh,
+    unit: f64,
+    triangles: Vec<[u32; 3]>,
+    /// Triangles that may be about each vertex.
+    about: Vec<Vec<u32>>,
+    /// What lies below each vertex: the next in its list, and the last.
+    next: Vec<u32>,
+    last: Vec<u32>,
+    count: Vec<u32>,
+    /// Sum of the normals × area of the triangles at what lies below.
+    normals: Vec<Point>,
+    cones: Vec<Cone>,
+    radii: Vec<f64>,
+    errors: Vec<[f64; 2]>,
+}
+
+impl<'a> Replay<'a> {
+    fn new(mesh: &'a IndexedMesh, unit: f64) -> Self {
+        let n = mesh.vertices.len();
+        let mut replay = Self {
+            mesh,
+            unit,
+            triangles: mesh.triangles.clone(),
+            about: vec![Vec::new(); n],
+            next: vec![NONE; n],
+            last: (0..n as u32).collect(),
+            count: vec![1; n],
+            normals: vec![[0.0; 3]; n],
+            cones: vec![Cone { axis: [0.0, 0.0, 1.0], angle: None }; n],
+            radii: vec![0.0; n],
+            errors: vec![[0.0; 2]; n],
+        };
+        for (t, &v) in mesh.triangles.iter().enumerate().filter(|(_, [a, b, c])| a != b && b != c && c != a) {
+            let normal = replay.normal(v);
+            for k in 0..3 {
+                let i = v[k] as usize;
+                replay.about[i].push(t as u32);
+                replay.normals[i] = add(replay.normals[i], normal);
+                let far = [v[(k + 1) % 3], v[(k + 2) % 3]].map(|w| length(sub(replay.at(w), replay.at(v[k]))));
+                replay.radii[i] = replay.radii[i].max(far[0]).max(far[1]);
+            }
+        }
+        for v in 0..n as u32 {
+            replay.cones[v as usize] = replay.cone(v, &[]);
+        }
+        replay
+    }
+    fn at(&self, v: u32) -> Point {
+        self.mesh.vertices.positions[v as usize].map(f64::from)
+    }
+    fn normal(&self, [a, b, c]: [u32; 3]) -> Point {
+        cross(sub(self.at(b), self.at(a)), sub(self.at(c), self.at(a)))
+    }
+    fn is_there(&self, t: u32) -> bool {
+        let [a, b, c] = self.triangles[t as usize];
+        a != b && b != c && c != a
+    }
+
+    /// Puts `blue` onto `red`; gives the third corners of the two triangles that vanish, in the finest mesh.
+    fn collapse(&mut self, blue: u32, red: u32) -> [u32; 2] {
+        let mut cuts = [NONE; 2];
+        for t in std::mem::take(&mut self.about[blue as usize]) {
+            if !self.is_there(t) {
+                continue;
+            }
+            let corners = &mut self.triangles[t as usize];
+            let Some(at) = corners.iter().position(|&v| v == blue) else { continue };
+            let gone = (0..2).find(|k| corners[(at + 1 + k) % 3] == red);
+            corners[at] = red;
+            match gone {
+                // (blue, red, cut), then (blue, cut, red).
+                Some(k) => cuts[k] = self.mesh.triangles[t as usize][(at + 2 - k) % 3],
+                None => self.about[red as usize].push(t),
+            }
+        }
+        let mut about = std::mem::take(&mut self.about[red as usize]);
+        about.retain(|&t| self.is_there(t));
+        let children = [self.cones[red as usize], self.cones[blue as usize]];
+        // What lies below.
+        let end = self.last[red as usize];
+        self.last[red as usize] = self.last[blue as usize];
+        self.next[end as usize] = blue;
+        self.count[red as usize] += self.count[blue as usize];
+        self.normals[red as usize] = add(self.normals[red as usize], self.normals[blue as usize]);
+        let own = self.at(red);
+        let far = length(sub(self.at(blue), own)) + self.radii[blue as usize];
+        let around = about.iter().flat_map(|&t| self.triangles[t as usize]).map(|v| length(sub(self.at(v), own)));
+        self.radii[red as usize] = around.fold(self.radii[red as usize].max(far), f64::max);
+        self.about[red as usize] = about;
+        self.cones[red as usize] = self.cone(red, &children);
+        self.measure(blue, red);
+        cuts
+    }
+
+    /// A cone about the mean normal of what is below `v`, with those of `children`, or else with the triangles about `v` in the finest mesh, and in any case with those
+    /// about it now.
+    fn cone(&self, v: u32, children: &[Cone]) -> Cone {
+        let code = Bounds { axis: Bounds::axis_code(self.normals[v as usize]), ..Default::default() };
+        let axis = code.direction();
+        let mut angle = Some((1.0f64, 0.0f64));
+        let mut widen = |other: Option<(f64, f64)>| {
+            angle = match (angle, other) {
+                (Some(a), Some(b)) => Some(if b.0 < a.0 { b } else { a }),
+                _ => None,
+            }
+        };
+        // The sine of what is less than a right angle.
+        let of = |cosine: f64| (cosine > 0.0).then(|| (cosine, (1.0 - cosine * cosine).max(0.0).sqrt()));
+        for child in children {
+            let between = of(dot(axis, child.axis).min(1.0));
+            // cos (a + b) = cos a cos b − sin a sin b.
+            widen(between.zip(child.angle).and_then(|(a, b)| of(a.0 * b.0 - a.1 * b.1)));
+        }
+        for &t in &self.about[v as usize] {
+            let normal = self.normal(self.triangles[t as usize]);
+            let size = length(normal);
+            if size > 0.0 {
+                widen(of(dot(axis, normal) / size));
+            }
+        }
+        Cone { axis, angle }
+    }
+
+    /// How far what is below `red` is from the triangles about it now: along the surface, and along the axis.
+    fn measure(&mut self, blue: u32, red: u32) {
+        let axis = self.cones[red as usize].axis;
+        let [a, b] = [red, blue].map(|v| self.errors[v as usize]);
+        let mut most = [a[0].max(b[0]), a[1].max(b[1])];
+        let every = (self.count[red as usize] as usize).div_ceil(LOOKS);
+        let mut v = red;
+        for i in 0.. {
+            if i % every == 0 {
+                let own = self.at(v);
+                let near = self.about[red as usize].iter().map(|&t| {
+                    let from = from_triangle(own, self.triangles[t as usize].map(|w| self.at(w)));
+                    (dot(from, from), from)
+                });
+                let alone = sub(own, self.at(red));
+                let (_, from) = near.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, alone));
+                let up = dot(from, axis);
+                let aside = length(sub(from, axis.map(|x| x * up)));
+                most = [most[0].max(aside), most[1].max(up.abs())];
+            }
+            v = self.next[v as usize];
+            if v == NONE {
+                break;
+            }
+        }
+        self.errors[red as usize] = most;
+    }
+
+    fn bounds(&self, v: u32) -> Bounds {
+        let Cone { angle, .. } = self.cones[v as usize];
+        let [uniform, directional] = self.errors[v as usize];
+        let code = |x: f64| Bounds::length_code(x, self.unit);
+        Bounds {
+            radius: code(self.radii[v as usize]),
+            // Not nothing: nothing is what a leaf has.
+            uniform: code(uniform).max(1),
+            directional: code(directional),
+            axis: Bounds::axis_code(self.normals[v as usize]),
+            sine: angle.map_or(255, |(_, sine)| (sine * 255.0 + 1e-6).ceil().min(255.0) as u8),
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! What a node says of all that lies below it: how far it reaches, where it faces, how far off it is.
+
+/// Eighths of an octave between neighbouring lengths.
+const STEPS_AN_OCTAVE: u32 = 4;
+/// 2^(k / 4), written out: the same on every platform.
+const ROOTS: [f64; STEPS_AN_OCTAVE as usize] = [1.0, 1.189_207_115_002_721_1, 1.414_213_562_373_095_1, 1.681_792_830_507_429];
+
+/// Bounds of a node in six bytes. Both ends compute with these, so both decide alike; each length is rounded up.
+///
+/// A length `b` is `unit · 2^((b − 255) / 4)`, 0 is 0: of the unit, which both ends know, down to 2^-63.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Bounds {
+    /// Radius of a ball about the node's vertex with all triangles at the vertices below it.
+    pub radius: u8,
+    /// How far those vertices are from the surface, along it, at most.
+    pub uniform: u8,
+    /// How far they are from it along the axis, at most.
+    pub directional: u8,
+    /// Axis of a cone with the normals of all those triangles, on an octahedron: −127 to 127.
+    pub axis: [i8; 2],
+    /// Sine of the cone's half angle in parts of 255; 255: a half space or more.
+    pub sine: u8,
+}
+
+impl Bounds {
+    /// The code of a length, rounded up.
+    pub fn length_code(length: f64, unit: f64) -> u8 {
+        if length.is_nan() || length <= 0.0 {
+            return 0;
+        }
+        // The codes ascend.
+        let (mut low, mut high) = (1u8, 255u8);
+        while low < high {
+            let middle = low.midpoint(high);
+            if Self::length(middle, unit) >= length { high = middle } else { low = middle + 1 }
+        }
+        low
+    }
+    /// The length of a code.
+    pub fn length(code: u8, unit: f64) -> f64 {
+        if code == 0 {
+            return 0.0;
+        }
+        let below = u32::from(255 - code);
+        let (octaves, rest) = (below.div_ceil(STEPS_AN_OCTAVE), (STEPS_AN_OCTAVE - below % STEPS_AN_OCTAVE) % STEPS_AN_OCTAVE);
+        unit * ROOTS[rest as usize] / (1u64 << octaves) as f64
+    }
+    /// The axis as a unit vector.
+    pub fn direction(&self) -> [f64; 3] {
+        let [x, y] = self.axis.map(|a| f64::from(a.max(-127)) / 127.0);
+        let z = 1.0 - x.abs() - y.abs();
+        let fold = (-z).max(0.0);
+        let v = [x - fold.copysign(x), y - fold.copysign(y), z];
+        let length = v.iter().map(|c| c * c).sum::<f64>().sqrt();
+        v.map(|c| c / length.max(1e-9))
+    }
+    /// Codes of the axis nearest to `n`; of no vector that of +z.
+    pub fn axis_code(n: [f64; 3]) -> [i8; 2] {
+        let sum: f64 = n.iter().map(|c| c.abs()).sum();
+        if sum.is_nan() || sum <= 0.0 {
+            return [0, 0];
+        }
+        let [x, y, z] = n.map(|c| c / sum);
+        let (x, y) = if z < 0.0 { ((1.0 - y.abs()).copysign(x), (1.0 - x.abs()).copysign(y)) } else { (x, y) };
+        [x, y].map(|c| (c * 127.0).round() as i8)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_are_rounded_up_by_a_fifth_at_most() {
+        for i in 0..2000 {
+            let length = 1e-12 * 1.0137f64.powi(i);
+            if length > 0.9 {
+                break;
+            }
+            let code = Bounds::length_code(length, 1.0);
+            let back = Bounds::length(code, 1.0);
+            assert!(back >= length && back <= length * 1.19, "{length} {code} {back}");
+        }
+        assert_eq!(Bounds::length_code(0.0, 1.0), 0);
+        assert_eq!(Bounds::length(255, 3.0), 3.0);
+        assert!((1..255).all(|c| Bounds::length(c, 1.0) < Bounds::length(c + 1, 1.0)));
+    }
+
+    #[test]
+    fn axes_come_back_within_a_degree() {
+        for i in 0..500 {
+            let (a, z) = (f64::from(i) * 2.4, f64::from(i) / 249.5 - 1.0);
+            let r = (1.0 - z * z).max(0.0).sqrt();
+            let n = [r * a.cos(), r * a.sin(), z];
+            let back = Bounds { axis: Bounds::axis_code(n), ..Default::default() }.direction();
+            let dot: f64 = n.iter().zip(back).map(|(a, b)| a * b).sum();
+            assert!(dot > 0.9998, "{n:?} {back:?}");
+        }
+    }
+}

@@ -1,0 +1,299 @@
+//! What a client knows of a hierarchy, and its front: nodes one on each way down, with the mesh that they make.
+
+use super::{Bounds, FrontMesh, HierarchyError, NONE, NodeId, View};
+
+/// A split as it arrives: the children of a node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Split {
+    /// The node, so far a leaf of what the client knows.
+    pub id: NodeId,
+    /// Its fundamental cut vertices: leaves of the whole hierarchy (E.3).
+    pub cuts: [Option<NodeId>; 2],
+    /// Where the second child is; the first is where the node was.
+    pub position: [f32; 3],
+    /// Of both children.
+    pub bounds: [Bounds; 2],
+}
+
+/// A node that the client knows.
+#[derive(Clone, Copy, Debug)]
+struct Known {
+    parent: u32,
+    child: u32,
+    /// Its vertex in the mesh, that of the first child too.
+    vertex: u32,
+    /// Place in the list of the front, or [`NONE`].
+    at: u32,
+    bounds: Bounds,
+}
+
+/// What [`Front::refine`] did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Progress {
+    /// Nodes looked at.
+    pub looked: u32,
+    /// Nodes split.
+    pub splits: u32,
+    /// Pairs collapsed.
+    pub collapses: u32,
+    /// A node in the front is too coarse and has no children here: the server must be asked (E.13).
+    pub wants_more: bool,
+}
+
+/// The client's side: a partial hierarchy, the front in it, and its mesh (E.6). Every node is 18 bytes, every split 32, every triangle some 30.
+#[derive(Clone, Debug, Default)]
+pub struct Front {
+    known: Vec<Known>,
+    /// Of the nodes with children, in the order in which these came.
+    cuts: Vec<[NodeId; 2]>,
+    /// Of the mesh's vertices.
+    positions: Vec<[f32; 3]>,
+    mesh: FrontMesh,
+    roots: u32,
+    base_triangles: u32,
+    unit: f64,
+    front: Vec<u32>,
+    /// Where in the list the next look begins.
+    cursor: usize,
+    stack: Vec<u32>,
+}
+
+/// Stands for a cut that is not there.
+const NO_CUT: NodeId = NodeId { tree: 0, node: 0 };
+
+impl Front {
+    /// The base mesh: positions and bounds of the roots, triangles between them, the unit of the bounds. O(n). Errors: an index or a number that is no good.
+    pub fn new(positions: Vec<[f32; 3]>, bounds: &[Bounds], triangles: Vec<[u32; 3]>, unit: f64) -> Result<Self, HierarchyError> {
+        let roots = positions.len() as u32;
+        if let Some(i) = triangles.iter().position(|t| t.iter().any(|&v| v >= roots)) {
+            return Err(HierarchyError::BadTriangle { triangle: i as u32 });
+        }
+        if !(unit.is_finite() && unit > 0.0)
+            || positions.iter().flatten().any(|x| !x.is_finite())
+            || bounds.len() != positions.len()
+        {
+            return Err(HierarchyError::NotFinite);
+        }
+        let root = |(i, &bounds): (usize, &Bounds)| Known { parent: NONE, child: NONE, vertex: i as u32, at: i as u32, bounds };
+        Ok(Self {
+            known: bounds.iter().enumerate().map(root).collect(),
+            base_triangles: triangles.len() as u32,
+            mesh: FrontMesh::new(roots, triangles),
+            positions,
+            roots,
+            unit,
+            front: (0..roots).collect(),
+            ..Default::default()
+        })
+    }
+
+    /// Nodes in the front.
+    pub fn len(&self) -> usize {
+        self.front.len()
+    }
+    /// True if there is nothing at all.
+    pub fn is_empty(&self) -> bool {
+        self.front.is_empty()
+    }
+    /// Nodes known.
+    pub fn known(&self) -> usize {
+        self.known.len()
+    }
+    /// The mesh of the front.
+    pub fn mesh(&self) -> &FrontMesh {
+        &self.mesh
+    }
+    /// Positions of the mesh's vertices, of those too that are not there now.
+    pub fn positions(&self) -> &[[f32; 3]] {
+        &self.positions
+    }
+    /// Leaves of what is known, roots first: what a server must know to go on (E.7).
+    pub fn leaves(&self) -> impl Iterator<Item = NodeId> {
+        (0..self.known.len() as u32).filter(|&i| self.known[i as usize].child == NONE).map(|i| self.id(i))
+    }
+    /// Names of the nodes in the front, in no order.
+    pub fn front(&self) -> impl Iterator<Item = NodeId> {
+        self.front.iter().map(|&i| self.id(i))
+    }
+
+    fn id(&self, i: u32) -> NodeId {
+        let (mut at, mut way, mut bit) = (i, 0u64, 0);
+        while self.known[at as usize].parent != NONE {
+            let parent = self.known[at as usize].parent;
+            way |= u64::from(at != self.known[parent as usize].child) << bit;
+            (at, bit) = (parent, bit + 1);
+        }
+        NodeId { tree: at, node: way | 1 << bit }
+    }
+    fn find(&self, id: NodeId) -> Option<u32> {
+        id.depth()?;
+        let mut at = Some(id.tree).filter(|&t| t < self.roots)?;
+        for second in id.way() {
+            at = Some(self.known[at as usize].child).filter(|&c| c != NONE)? + u32::from(second);
+        }
+        Some(at)
+    }
+    /// The node of the front above a leaf of the whole hierarchy, most of which is not known here (E.4). `None` if the front is below. O(depth).
+    pub fn active_ancestor(&self, leaf: NodeId) -> Option<NodeId> {
+        Some(self.id(self.active(leaf)?))
+    }
+    fn active(&self, leaf: NodeId) -> Option<u32> {
+        leaf.depth()?;
+        let mut at = Some(leaf.tree).filter(|&t| t < self.roots)?;
+        let mut way = leaf.way();
+        while self.known[at as usize].at == NONE {
+            let child = Some(self.known[at as usize].child).filter(|&c| c != NONE)?;
+            at = child + u32::from(way.next()?);
+        }
+        Some(at)
+    }
+
+    /// Takes up the children of a node; the front stays where it is (E.12). O(depth). Errors: a node that is not known or has children, a cut that cannot be.
+    pub fn learn(&mut self, split: &Split) -> Result<(), HierarchyError> {
+        let id = split.id;
+        let i = self.find(id).ok_or(HierarchyError::NoSuchNode { id })?;
+        if self.known[i as usize].child != NONE {
+            return Err(HierarchyError::SplitTwice { id });
+        }
+        if id.depth().is_none_or(|d| d >= NodeId::DEPTH_LIMIT) {
+            return Err(HierarchyError::NoSuchNode { id });
+        }
+        let given = split.cuts.iter().flatten();
+        if let Some(&cut) = given.clone().find(|c| c.node == 0 || c.tree >= self.roots || id.is_above(**c)) {
+            return Err(HierarchyError::BadCut { id, cut });
+        }
+        if given.count() == 0 || split.cuts[0] == split.cuts[1] {
+            return Err(HierarchyError::BadCut { id, cut: split.cuts[0].unwrap_or(NO_CUT) });
+        }
+        if split.position.iter().any(|x| !x.is_finite()) {
+            return Err(HierarchyError::NotFinite);
+        }
+        let child = self.known.len() as u32;
+        let own = &mut self.known[i as usize];
+        own.child = child;
+        let red = own.vertex;
+        let blue = self.positions.len() as u32;
+        for (bounds, vertex) in split.bounds.into_iter().zip([red, blue]) {
+            self.known.push(Known { parent: i, child: NONE, vertex, at: NONE, bounds });
+        }
+        self.cuts.push(split.cuts.map(|c| c.unwrap_or(NO_CUT)));
+        self.positions.push(split.position);
+        Ok(())
+    }
+
+    /// Number of the split that made the children at `child`.
+    fn number(&self, child: u32) -> u32 {
+        (child - self.roots) / 2
+    }
+
+    /// Splits a node of the front whose children are known, and first what stands in its way: a node that both its cuts stand at (E.5, E.11). Gives the splits done. O(depth
+    /// + valence) each. Errors: a hierarchy that is none; nothing of the mesh is wrong then.
+    pub fn split(&mut self, id: NodeId) -> Result<u32, HierarchyError> {
+        let i = self.find(id).filter(|&i| self.known[i as usize].at != NONE).ok_or(HierarchyError::NoSuchNode { id })?;
+        self.split_node(i)
+    }
+    fn split_node(&mut self, i: u32) -> Result<u32, HierarchyError> {
+        let mut done = 0;
+        let mut stack = std::mem::take(&mut self.stack);
+        stack.clear();
+        stack.push(i);
+        let result = loop {
+            let Some(&s) = stack.last() else { break Ok(done) };
+            match self.try_split(s) {
+                Ok(None) => {
+                    stack.pop();
+                    done += 1;
+                }
+                // A way that comes back to itself is no hierarchy of a manifold.
+                Ok(Some(first)) if stack.contains(&first) => break Err(HierarchyError::NotAdjacent { id: self.id(s) }),
+                Ok(Some(first)) => stack.push(first),
+                Err(e) => break Err(e),
+            }
+        };
+        self.stack = stack;
+        result
+    }
+    /// Splits `s`, or gives the node that must go first.
+    fn try_split(&mut self, s: u32) -> Result<Option<u32>, HierarchyError> {
+        let Known { child, vertex, at, .. } = self.known[s as usize];
+        if child == NONE {
+            return Err(HierarchyError::NoSuchNode { id: self.id(s) });
+        }
+        let number = self.number(child);
+        let cuts = self.cuts[number as usize];
+        let mut ends = [NONE; 2];
+        for (end, cut) in ends.iter_mut().zip(cuts).filter(|(_, c)| *c != NO_CUT) {
+            *end = self.active(cut).ok_or(HierarchyError::BadCut { id: self.id(s), cut })?;
+        }
+        if ends[0] == ends[1] {
+            return Ok(Some(ends[0]));
+        }
+        let ends = ends.map(|e| if e == NONE { NONE } else { self.known[e as usize].vertex });
+        let first = self.base_triangles + 2 * number;
+        if !self.mesh.split(vertex, self.roots + number, ends, [first, first + 1]) {
+            return Err(HierarchyError::NotAdjacent { id: self.id(s) });
+        }
+        self.known[s as usize].at = NONE;
+        self.front[at as usize] = child;
+        self.known[child as usize].at = at;
+        self.known[child as usize + 1].at = self.front.len() as u32;
+        self.front.push(child + 1);
+        Ok(None)
+    }
+    /// Collapses the children of a node onto it; false if one of them is not in the front, or the mesh would be no manifold. O(valence).
+    pub fn collapse(&mut self, id: NodeId) -> bool {
+        self.find(id).is_some_and(|i| self.collapse_node(i))
+    }
+    fn collapse_node(&mut self, i: u32) -> bool {
+        let Known { child, vertex, .. } = self.known[i as usize];
+        if child == NONE {
+            return false;
+        }
+        let places = [child, child + 1].map(|c| self.known[c as usize].at);
+        let number = self.number(child);
+        let first = self.base_triangles + 2 * number;
+        if places.contains(&NONE) || !self.mesh.collapse(vertex, self.roots + number, [first, first + 1]) {
+            return false;
+        }
+        self.front[places[0] as usize] = i;
+        self.known[i as usize].at = places[0];
+        self.front.swap_remove(places[1] as usize);
+        if let Some(&moved) = self.front.get(places[1] as usize) {
+            self.known[moved as usize].at = places[1];
+        }
+        self.known[child as usize].at = NONE;
+        self.known[child as usize + 1].at = NONE;
+        true
+    }
+
+    /// Follows a view (E.13): looks at up to `budget` nodes of the front, going on where the last call stopped; splits what is too coarse, collapses what is needlessly
+    /// fine. O(budget · valence). Errors: a hierarchy that is none.
+    pub fn refine(&mut self, view: &View, budget: u32) -> Result<Progress, HierarchyError> {
+        let mut progress = Progress::default();
+        while progress.looked < budget && progress.looked < self.front.len() as u32 {
+            if self.cursor >= self.front.len() {
+                self.cursor = 0;
+            }
+            progress.looked += 1;
+            let i = self.front[self.cursor];
+            let Known { parent, child, .. } = self.known[i as usize];
+            if self.is_coarse(i, view) {
+                if child == NONE {
+                    progress.wants_more = true;
+                } else {
+                    // The first child takes its place, and is looked at next.
+                    progress.splits += self.split_node(i)?;
+                    continue;
+                }
+            } else if parent != NONE && !self.is_coarse(parent, view) && self.collapse_node(parent) {
+                progress.collapses += 1;
+            }
+            self.cursor += 1;
+        }
+        Ok(progress)
+    }
+    fn is_coarse(&self, i: u32, view: &View) -> bool {
+        let Known { vertex, bounds, .. } = self.known[i as usize];
+        view.needs_more_than(self.positions[vertex as usize], &bounds, self.unit)
+    }
+}

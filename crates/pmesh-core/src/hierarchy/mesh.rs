@@ -1,0 +1,217 @@
+//! The mesh of a front, split and collapsed in any order that keeps it a manifold.
+
+use super::NONE;
+use crate::surface::{Surface, next, previous};
+
+/// Triangles of a front. A vertex keeps its number as long as it is there, and gets it back; so does a triangle.
+#[derive(Clone, Debug, Default)]
+pub struct FrontMesh {
+    surface: Surface,
+    /// Triangles that are there, in no order; and where in that list each is, or [`NONE`].
+    shown: Vec<u32>,
+    shown_at: Vec<u32>,
+    own: Ring,
+    other: Ring,
+}
+
+/// A fan: corners at its apex and the vertices about it, counter-clockwise.
+#[derive(Clone, Debug, Default)]
+struct Ring {
+    corners: Vec<u32>,
+    vertices: Vec<u32>,
+    closed: bool,
+}
+
+impl Ring {
+    fn gather(&mut self, surface: &Surface, start: u32) {
+        self.corners.clear();
+        self.vertices.clear();
+        self.closed = false;
+        if start == NONE {
+            return;
+        }
+        self.corners.extend(surface.around(start));
+        self.vertices.extend(self.corners.iter().map(|&c| surface.vertex(next(c))));
+        let last = self.corners[self.corners.len() - 1];
+        self.closed = surface.turn(last) != NONE;
+        if !self.closed {
+            self.vertices.push(surface.vertex(previous(last)));
+        }
+    }
+}
+
+/// What a split brings and a collapse takes away: the triangles (blue, red, x) and (blue, y, red), each with its number.
+pub(super) type Pair = [u32; 2];
+
+impl FrontMesh {
+    /// The base mesh: vertices 0 to `vertices`, which all corners are. O(triangles).
+    pub(super) fn new(vertices: u32, triangles: Vec<[u32; 3]>) -> Self {
+        let surface = Surface::new(triangles, vertices);
+        let shown: Vec<u32> = (0..surface.triangles.len() as u32).collect();
+        Self { surface, shown_at: shown.clone(), shown, ..Default::default() }
+    }
+    /// Numbers of the triangles that are there, in no order.
+    pub fn shown(&self) -> &[u32] {
+        &self.shown
+    }
+    /// A triangle that is there.
+    pub fn triangle(&self, t: u32) -> Option<[u32; 3]> {
+        self.surface.triangles.get(t as usize).copied().filter(|t| t[0] != NONE)
+    }
+
+    /// Splits `red`: `blue` takes its triangles from neighbour `cuts[0]` on, counter-clockwise, up to `cuts[1]`; one of them missing ([`NONE`]) is the end of the
+    /// boundary. False, and nothing is changed, if the cuts are not about `red`. O(valence).
+    pub(super) fn split(&mut self, red: u32, blue: u32, cuts: [u32; 2], triangles: Pair) -> bool {
+        let start = self.surface.corner_of.get(red as usize).copied().unwrap_or(NONE);
+        self.own.gather(&self.surface, start);
+        let ring = &self.own;
+        let find = |v: u32| ring.vertices.iter().position(|&w| w == v);
+        let count = ring.corners.len();
+        // The first of the fan's triangles, and how many.
+        let fan = match cuts {
+            [NONE, NONE] => None,
+            [NONE, to] if !ring.closed => find(to).map(|to| (0, to)),
+            [from, NONE] if !ring.closed => find(from).map(|from| (from, count - from)),
+            [from, to] => find(from).zip(find(to)).and_then(|(from, to)| match (to > from, ring.closed) {
+                (true, _) => Some((from, to - from)),
+                (false, true) if from != to => Some((from, to + count - from)),
+                _ => None,
+            }),
+        };
+        let Some((from, moved)) = fan else { return false };
+        let fan: Vec<u32> = (from..from + moved).map(|i| ring.corners[i % count]).collect();
+        // The triangles of red beside the fan: before it, and after it.
+        let beside = |i: usize| if ring.closed { ring.corners.get(i % count) } else { ring.corners.get(i) };
+        let before = if ring.closed { beside(from + count - 1) } else { from.checked_sub(1).and_then(beside) };
+        let (before, after) = (before.map(|&c| previous(c)), beside(from + moved).copied());
+        let (first, last) = (fan.first().copied(), fan.last().map(|&c| previous(c)));
+        let s = &mut self.surface;
+        fan.iter().for_each(|&c| s.triangles[c as usize / 3][c as usize % 3] = blue);
+        let room = |list: &mut Vec<u32>, index: u32| list.resize(list.len().max(index as usize + 1), NONE);
+        room(&mut s.corner_of, blue);
+        let mut edge = None;
+        for (k, (&t, cut)) in triangles.iter().zip(cuts).enumerate().filter(|(_, (_, cut))| *cut != NONE) {
+            s.triangles.resize(s.triangles.len().max(t as usize + 1), [NONE; 3]);
+            room(&mut s.across, 3 * t + 2);
+            let c = 3 * t;
+            // Edges in the triangle: between blue and red, of red, of blue; and what lay there.
+            let (corners, between, reds, blues, red_side, blue_side) = if k == 0 {
+                ([blue, red, cut], c, c + 1, c + 2, before, first)
+            } else {
+                ([blue, cut, red], c + 2, c + 1, c, after, last)
+            };
+            s.triangles[t as usize] = corners;
+            pair(s, reds, red_side.unwrap_or(NONE));
+            pair(s, blues, blue_side.unwrap_or(NONE));
+            s.across[between as usize] = NONE;
+            if let Some(other) = edge.replace(between) {
+                pair(s, between, other);
+            }
+            (s.corner_of[blue as usize], s.corner_of[red as usize]) = if k == 0 { (c, c + 1) } else { (c, c + 2) };
+            room(&mut self.shown_at, t);
+            self.shown_at[t as usize] = self.shown.len() as u32;
+            self.shown.push(t);
+        }
+        true
+    }
+
+    /// Undoes [`Self::split`], wherever the cuts are now; false, and nothing is changed, if what is left would be no manifold: the two have a neighbour
+    /// in common beside the cuts, or a vertex would be left with too few triangles. O(valence).
+    pub(super) fn collapse(&mut self, red: u32, blue: u32, triangles: Pair) -> bool {
+        let s = &self.surface;
+        let there = |t: u32| s.triangles.get(t as usize).is_some_and(|x| x.contains(&blue) && x.contains(&red));
+        let pairs: Vec<u32> = triangles.into_iter().filter(|&t| there(t)).collect();
+        let third = |t: u32| (3 * t..3 * t + 3).find(|&c| s.vertex(c) != blue && s.vertex(c) != red);
+        let thirds: Vec<u32> = pairs.iter().filter_map(|&t| third(t)).collect();
+        if thirds.is_empty() || thirds.len() != pairs.len() {
+            return false;
+        }
+        let Self { own, other, .. } = self;
+        own.gather(s, s.corner_of[blue as usize]);
+        other.gather(s, s.corner_of[red as usize]);
+        let two = pairs.len() == 2;
+        if own.closed != two || (!two && other.closed) {
+            return false;
+        }
+        let is_third = |v: u32| thirds.iter().any(|&c| s.vertex(c) == v);
+        let met = |v: &&u32| **v != red && **v != blue && own.vertices.contains(v);
+        if other.vertices.iter().filter(met).any(|&v| !is_third(v)) || (two && s.vertex(thirds[0]) == s.vertex(thirds[1])) {
+            return false;
+        }
+        let left = (own.corners.len() + other.corners.len()).saturating_sub(2 * pairs.len());
+        if left < if other.closed { 3 } else { 1 } {
+            return false;
+        }
+        let moved = std::mem::take(&mut own.corners);
+        for &c in &thirds {
+            own.gather(s, c);
+            if own.corners.len() < if own.closed { 4 } else { 2 } {
+                own.corners = moved;
+                return false;
+            }
+        }
+        let s = &mut self.surface;
+        moved.iter().for_each(|&c| s.triangles[c as usize / 3][c as usize % 3] = red);
+        for (&t, &c) in pairs.iter().zip(&thirds) {
+            // The edges at the third corner: what lay across them meets.
+            let (a, b) = (s.across[c as usize], s.across[previous(c) as usize]);
+            for (e, f) in [(a, b), (b, a)] {
+                if e != NONE {
+                    s.across[e as usize] = f;
+                }
+            }
+            s.across[3 * t as usize..3 * t as usize + 3].fill(NONE);
+            s.triangles[t as usize] = [NONE; 3];
+            let at = std::mem::replace(&mut self.shown_at[t as usize], NONE);
+            self.shown.swap_remove(at as usize);
+            if let Some(&moved) = self.shown.get(at as usize) {
+                self.shown_at[moved as usize] = at;
+            }
+        }
+        s.corner_of[blue as usize] = NONE;
+        // Corners of those that are left, from what is left of the two fans and of the cuts'.
+        let there = |s: &Surface, c: u32| s.triangles[c as usize / 3][0] != NONE;
+        let kept = moved.iter().chain(&other.corners).copied().find(|&c| there(s, c)).unwrap_or(NONE);
+        s.corner_of[red as usize] = kept;
+        let neighbours: Vec<u32> =
+            moved.iter().chain(&other.corners).copied().filter(|&c| there(s, c)).flat_map(|c| [next(c), previous(c)]).collect();
+        neighbours.into_iter().for_each(|c| s.corner_of[s.triangles[c as usize / 3][c as usize % 3] as usize] = c);
+        self.own.corners = moved;
+        true
+    }
+
+    /// Panics unless what is across from each edge is, and the triangles about each vertex of a split or collapse are one fan; tests call it. O(triangles).
+    pub fn check_invariants(&self) {
+        let s = &self.surface;
+        let mut shown: Vec<u32> = (0..s.triangles.len() as u32).filter(|&t| s.triangles[t as usize][0] != NONE).collect();
+        let mut listed = self.shown.clone();
+        listed.sort_unstable();
+        assert_eq!(shown, listed);
+        let mut edges = std::collections::HashSet::new();
+        for t in shown.drain(..) {
+            for c in 3 * t..3 * t + 3 {
+                let (v, w) = (s.vertex(c), s.vertex(next(c)));
+                assert!(v != w && edges.insert((v, w)), "edge {v} {w} is there twice");
+                let other = s.across[c as usize];
+                if other != NONE {
+                    assert_eq!((s.across[other as usize], s.vertex(other), s.vertex(next(other))), (c, w, v));
+                }
+            }
+        }
+        let mut triangles = std::collections::HashMap::new();
+        for c in listed.iter().flat_map(|&t| 3 * t..3 * t + 3) {
+            *triangles.entry(s.vertex(c)).or_insert(0) += 1;
+        }
+        for (v, count) in triangles {
+            assert_eq!(s.around(s.corner_of[v as usize]).count(), count, "the triangles about {v} are not one fan");
+        }
+    }
+}
+
+/// Makes two edges each other's other side; `b` may be [`NONE`].
+fn pair(s: &mut Surface, a: u32, b: u32) {
+    s.across[a as usize] = b;
+    if b != NONE {
+        s.across[b as usize] = a;
+    }
+}
