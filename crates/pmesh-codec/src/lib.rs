@@ -24,7 +24,7 @@ mod error;
 pub mod gzip;
 pub mod patch;
 pub mod pmesh;
-mod range;
+pub mod range;
 mod receiver;
 pub mod refine;
 pub mod scene;

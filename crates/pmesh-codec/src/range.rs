@@ -10,7 +10,7 @@ const MEMORY: u32 = 250;
 
 /// A probability that a choice is 0, in 1/65536: the mean of what was seen, later of what was seen last.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Chance {
+pub struct Chance {
     zero: u16,
     seen: u8,
 }
@@ -46,15 +46,15 @@ impl Chance {
 /// Zeros at the end of what an encoder gives that are not written, at most.
 const ZEROS_LEFT_OUT: usize = 8;
 /// Bytes that a decoder may read past the end: those, and what it looks ahead.
-pub(crate) const OVERRUN: usize = ZEROS_LEFT_OUT + 8;
+pub const OVERRUN: usize = ZEROS_LEFT_OUT + 8;
 
 /// Inputs of a [`Mixer`].
-pub(crate) const INPUTS: usize = 6;
+pub const INPUTS: usize = 6;
 
 /// Weighs the chances that several contexts give, and learns which to trust: logistic mixing, as in Mahoney's PAQ, in whole
 /// numbers, so that every machine computes the same.
 #[derive(Clone, Debug)]
-pub(crate) struct Mixer {
+pub struct Mixer {
     /// In 1/65536.
     weights: [i32; INPUTS],
 }
@@ -124,7 +124,7 @@ impl Mixer {
 }
 
 /// Codes binary choices.
-pub(crate) trait Coder {
+pub trait Coder {
     /// True for an encoder: what only encoders do is left out of decoders by it.
     const ENCODES: bool;
     /// True for what only counts.
@@ -139,6 +139,11 @@ pub(crate) trait Coder {
     /// True if `count` bytes more can be read, or none is to come.
     fn has(&self, _count: usize) -> bool {
         true
+    }
+
+    /// True if more was read than there is: the bytes do not hold what they say.
+    fn ran_out(&self) -> bool {
+        false
     }
 
     /// Bits so far, fractions counted.
@@ -203,7 +208,7 @@ pub(crate) trait Coder {
 
 /// Chances of a number's length and highest bits.
 #[derive(Clone, Debug)]
-pub(crate) struct NumberModel {
+pub struct NumberModel {
     length: [Chance; 64],
     high: [[Chance; 4]; 64],
 }
@@ -216,7 +221,7 @@ impl Default for NumberModel {
 
 /// Chances of a signed number.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct SignedModel {
+pub struct SignedModel {
     magnitude: NumberModel,
     sign: Chance,
 }
@@ -229,7 +234,7 @@ fn log2(range: u32) -> f64 {
 }
 
 /// Writes choices to bytes.
-pub(crate) struct Encoder {
+pub struct Encoder {
     low: u64,
     range: u32,
     cache: u8,
@@ -237,8 +242,15 @@ pub(crate) struct Encoder {
     bytes: Vec<u8>,
 }
 
+impl Default for Encoder {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Encoder {
-    pub(crate) fn new() -> Self {
+    /// At the first byte.
+    pub fn new() -> Self {
         // The byte before the first, to which nothing is ever carried.
         Self { low: 0, range: u32::MAX, cache: 0, pending: 1, bytes: Vec::new() }
     }
@@ -255,12 +267,12 @@ impl Encoder {
         self.low = self.low << 8 & 0xffff_ffff;
     }
     /// Bytes so far, but for a few that are held back.
-    pub(crate) fn byte_count(&self) -> usize {
+    pub fn byte_count(&self) -> usize {
         self.bytes.len()
     }
     /// Ends the bytes. Zeros at the end are left out: a decoder reads zeros past the end. Not more than a few: a decoder that
     /// reads far past the end takes the stream for one that does not hold what it says.
-    pub(crate) fn finish(mut self) -> Vec<u8> {
+    pub fn finish(mut self) -> Vec<u8> {
         // Of the numbers that say the same, the one that ends in most zeros.
         let last = self.low + u64::from(self.range) - 1;
         self.low = (0..32).rev().map(|k| last >> k << k).find(|&x| x >= self.low).unwrap_or(last);
@@ -299,10 +311,10 @@ impl Coder for Encoder {
 }
 
 /// Bytes that a decoder reads before the first choice.
-pub(crate) const LOOK_AHEAD: usize = 4;
+pub const LOOK_AHEAD: usize = 4;
 
 /// Reads choices from bytes; past the end there are zeros. The bytes may arrive while it reads.
-pub(crate) struct RangeDecoder {
+pub struct RangeDecoder {
     bytes: Vec<u8>,
     at: usize,
     range: u32,
@@ -313,22 +325,22 @@ pub(crate) struct RangeDecoder {
 
 impl RangeDecoder {
     /// All bytes are there.
-    pub(crate) fn new(bytes: Vec<u8>) -> Self {
+    pub fn new(bytes: Vec<u8>) -> Self {
         let mut decoder = Self { bytes, at: 0, range: u32::MAX, code: 0, whole: true };
         (0..LOOK_AHEAD).for_each(|_| decoder.next());
         decoder
     }
     /// More bytes are to come; [`LOOK_AHEAD`] must be there.
-    pub(crate) fn with_first(bytes: Vec<u8>) -> Self {
+    pub fn with_first(bytes: Vec<u8>) -> Self {
         Self { whole: false, ..Self::new(bytes) }
     }
     /// Takes the next bytes; `whole` says that they are the last.
-    pub(crate) fn feed(&mut self, bytes: &[u8], whole: bool) {
+    pub fn feed(&mut self, bytes: &[u8], whole: bool) {
         self.bytes.extend_from_slice(bytes);
         self.whole = whole;
     }
     /// True once no byte is to come.
-    pub(crate) fn is_whole(&self) -> bool {
+    pub fn is_whole(&self) -> bool {
         self.whole
     }
     #[inline(always)]
@@ -337,7 +349,7 @@ impl RangeDecoder {
         self.at += 1;
     }
     /// Bytes read past the end: more than a few mean that the stream does not hold what it says.
-    pub(crate) fn overrun(&self) -> usize {
+    pub fn overrun(&self) -> usize {
         self.at.saturating_sub(self.bytes.len())
     }
 }
@@ -350,6 +362,9 @@ impl Coder for RangeDecoder {
     }
     fn position(&self) -> f64 {
         8.0 * self.at as f64 - log2(self.range)
+    }
+    fn ran_out(&self) -> bool {
+        self.overrun() > OVERRUN
     }
     fn has(&self, count: usize) -> bool {
         self.whole || self.bytes.len() - self.at.min(self.bytes.len()) >= count

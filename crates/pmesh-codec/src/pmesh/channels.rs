@@ -60,6 +60,20 @@ impl Quantisation {
             texcoord_step,
         }
     }
+    /// A position as whole steps of the grid; without one, as integers in the order of the floats.
+    pub fn position_row(&self, p: [f32; 3]) -> [i32; 3] {
+        match self.position_bits {
+            Some(_) => std::array::from_fn(|k| to_grid(p[k], self.position_origin[k], self.position_step)),
+            None => p.map(from_float),
+        }
+    }
+    /// The position of such a row.
+    pub fn position_of_row(&self, row: [i32; 3]) -> [f32; 3] {
+        match self.position_bits {
+            Some(_) => std::array::from_fn(|k| from_grid(row[k].into(), self.position_origin[k], self.position_step)),
+            None => row.map(to_float),
+        }
+    }
 }
 
 /// `mesh` as it decodes after quantisation with `bits`: the same indices, every value on its grid.

@@ -1,9 +1,9 @@
 //! What a node says of all that lies below it: how far it reaches, where it faces, how far off it is.
 
-/// Eighths of an octave between neighbouring lengths.
+/// Lengths an octave.
 const STEPS_AN_OCTAVE: u32 = 4;
 /// 2^(k / 4), written out: the same on every platform.
-const ROOTS: [f64; STEPS_AN_OCTAVE as usize] = [1.0, 1.189_207_115_002_721_1, 1.414_213_562_373_095_1, 1.681_792_830_507_429];
+const ROOTS: [f64; STEPS_AN_OCTAVE as usize] = [1.0, 1.189_207_115_002_721, std::f64::consts::SQRT_2, 1.681_792_830_507_429];
 
 /// Bounds of a node in six bytes. Both ends compute with these, so both decide alike; each length is rounded up.
 ///
@@ -23,6 +23,10 @@ pub struct Bounds {
 }
 
 impl Bounds {
+    /// True of a leaf of the whole hierarchy: nothing lies below it, so nothing is off.
+    pub fn is_leaf(&self) -> bool {
+        self.uniform == 0 && self.directional == 0
+    }
     /// The code of a length, rounded up.
     pub fn length_code(length: f64, unit: f64) -> u8 {
         if length.is_nan() || length <= 0.0 {

@@ -27,6 +27,21 @@ struct Known {
     bounds: Bounds,
 }
 
+/// What is known of a node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KnownNode {
+    /// The node above, or [`NONE`].
+    pub parent: u32,
+    /// The first of its children, or [`NONE`].
+    pub child: u32,
+    /// Where it is.
+    pub position: [f32; 3],
+    /// What lies below it; nothing where it is a leaf of the whole hierarchy.
+    pub bounds: Bounds,
+    /// Of one with children: its fundamental cut vertices.
+    pub cuts: [Option<NodeId>; 2],
+}
+
 /// What [`Front::refine`] did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Progress {
@@ -116,7 +131,27 @@ impl Front {
         self.front.iter().map(|&i| self.id(i))
     }
 
-    fn id(&self, i: u32) -> NodeId {
+    /// Trees: the first nodes.
+    pub fn root_count(&self) -> u32 {
+        self.roots
+    }
+    /// Unit of the lengths of bounds.
+    pub fn unit(&self) -> f64 {
+        self.unit
+    }
+    /// A node that is known, by its number: roots first, then pairs of children as they came.
+    pub fn node(&self, i: u32) -> Option<KnownNode> {
+        let Known { parent, child, vertex, bounds, .. } = *self.known.get(i as usize)?;
+        let cut = |c: NodeId| (c != NO_CUT).then_some(c);
+        let cuts = if child == NONE { [None; 2] } else { self.cuts[self.number(child) as usize].map(cut) };
+        Some(KnownNode { parent, child, position: self.positions[vertex as usize], bounds, cuts })
+    }
+    /// Name of a node; of one that is not known that of the first root.
+    pub fn id(&self, i: u32) -> NodeId {
+        if i as usize >= self.known.len() {
+            return NodeId::root(0);
+        }
+
         let (mut at, mut way, mut bit) = (i, 0u64, 0);
         while self.known[at as usize].parent != NONE {
             let parent = self.known[at as usize].parent;
@@ -125,7 +160,8 @@ impl Front {
         }
         NodeId { tree: at, node: way | 1 << bit }
     }
-    fn find(&self, id: NodeId) -> Option<u32> {
+    /// Number of a node, if it is known. O(depth).
+    pub fn find(&self, id: NodeId) -> Option<u32> {
         id.depth()?;
         let mut at = Some(id.tree).filter(|&t| t < self.roots)?;
         for second in id.way() {

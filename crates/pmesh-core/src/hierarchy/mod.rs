@@ -15,7 +15,7 @@ mod tree;
 mod view;
 
 pub use bounds::Bounds;
-pub use front::{Front, Progress, Split};
+pub use front::{Front, KnownNode, Progress, Split};
 pub use id::{IdBits, NodeId};
 pub use mesh::FrontMesh;
 pub use tree::{HierarchyError, Node, VertexHierarchy};

@@ -101,7 +101,7 @@ impl View {
     /// True if a node at `position` is too coarse: in sight, not turned away, and off by more than the tolerance (E.10). `unit` is that of the
     /// lengths in `bounds`. O(1).
     pub fn needs_more_than(&self, position: [f32; 3], bounds: &Bounds, unit: f64) -> bool {
-        if bounds.uniform == 0 && bounds.directional == 0 {
+        if bounds.is_leaf() {
             return false;
         }
         if self.is_everything() {

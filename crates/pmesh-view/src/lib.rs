@@ -1,0 +1,20 @@
+//! View-dependent streaming (E.6–E.19): a client that moves through a model gets what it looks at, in the order in which it looks, and each
+//! piece once.
+//!
+//! Nothing here knows a socket or a clock: bytes of whole messages go in and come out. [`Model`] is what a server has of a mesh and all its sessions
+//! share; [`Session`] is one client at the server: which nodes it has, a bit or so each ([`ActiveTags`]). [`Client`] is the other end. What they say is in
+//! docs/PROTOCOL.md; [`message`] writes and reads it, [`splits`] the packets that refine.
+
+mod client;
+mod error;
+pub mod message;
+mod model;
+mod session;
+pub mod splits;
+mod tags;
+
+pub use client::Client;
+pub use error::ProtocolError;
+pub use model::Model;
+pub use session::{Counts, Session};
+pub use tags::ActiveTags;

@@ -1,0 +1,273 @@
+//! Messages: a byte that says which, then what it says. The transport keeps them apart (a WebSocket does). docs/PROTOCOL.md has every byte.
+
+use crate::error::ProtocolError;
+use pmesh_codec::pmesh::Quantisation;
+use pmesh_core::hierarchy::{Bounds, View};
+
+/// Version of the protocol.
+pub const VERSION: u8 = 1;
+/// First bytes of a hello.
+const MAGIC: [u8; 4] = *b"PMVD";
+/// Most vertices and triangles of a base mesh.
+const BASE_LIMIT: u32 = 1 << 22;
+/// Most bytes of a model's name.
+const NAME_LIMIT: usize = 255;
+/// Most nodes that a client may say it has.
+const NODE_LIMIT: u64 = 1 << 32;
+
+/// What a client says.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Request {
+    /// The first message: which model.
+    Hello {
+        /// Its name.
+        model: String,
+    },
+    /// The first message after a break (E.7): the leaves of what the client has, as a walk through its trees, depth first: true where a node has children.
+    Resume {
+        /// The model's name.
+        model: String,
+        /// [`Base::fingerprint`].
+        fingerprint: u64,
+        /// Nodes known.
+        shape: Vec<bool>,
+    },
+    /// What is looked at; or everything.
+    View(View),
+    /// It was a pleasure.
+    Bye,
+}
+
+/// What a server says.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Reply<'a> {
+    /// The base mesh.
+    Base(Base),
+    /// The server goes on from where the client is.
+    Resumed,
+    /// A packet of [`crate::splits`].
+    Splits(&'a [u8]),
+    /// The last view has all that it needs.
+    Done,
+    /// Why the server closes.
+    Error(String),
+}
+
+/// The base mesh, and what both ends must know alike.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Base {
+    /// Names the model's state: who resumes must have the same.
+    pub fingerprint: u64,
+    /// Unit of the lengths of bounds.
+    pub unit: f64,
+    /// Grid of the positions.
+    pub grid: Quantisation,
+    /// Of the roots.
+    pub positions: Vec<[f32; 3]>,
+    /// Of the roots.
+    pub bounds: Vec<Bounds>,
+    /// Between the roots.
+    pub triangles: Vec<[u32; 3]>,
+    /// Nodes of the whole hierarchy.
+    pub total: u64,
+}
+
+/// Bytes of a request.
+pub fn request(request: &Request) -> Vec<u8> {
+    let mut out = Vec::new();
+    let name = |out: &mut Vec<u8>, model: &str| {
+        let bytes = &model.as_bytes()[..model.floor_char_boundary(NAME_LIMIT)];
+        out.push(bytes.len() as u8);
+        out.extend(bytes);
+    };
+    match request {
+        Request::Hello { model } => {
+            out.push(1);
+            out.extend(MAGIC);
+            out.push(VERSION);
+            name(&mut out, model);
+        }
+        Request::Resume { model, fingerprint, shape } => {
+            out.push(2);
+            out.extend(MAGIC);
+            out.push(VERSION);
+            name(&mut out, model);
+            out.extend(fingerprint.to_le_bytes());
+            out.extend((shape.len() as u64).to_le_bytes());
+            let byte = |bits: &[bool]| bits.iter().enumerate().fold(0u8, |b, (i, &bit)| b | u8::from(bit) << i);
+            out.extend(shape.chunks(8).map(byte));
+        }
+        Request::View(view) if view.is_everything() => out.push(4),
+        Request::View(view) => {
+            out.push(3);
+            let (matrix, tangent, aspect, tolerance) = view.parts();
+            // The matrix's last row is 0 0 0 1.
+            let rows = matrix.chunks(4).flat_map(|c| &c[..3]);
+            rows.chain([&tangent, &aspect, &tolerance]).for_each(|x| out.extend(x.to_le_bytes()));
+        }
+        Request::Bye => out.push(5),
+    }
+    out
+}
+
+/// Reads a request. Errors: bytes that are none, a view that cannot be.
+pub fn read_request(bytes: &[u8]) -> Result<Request, ProtocolError> {
+    let mut r = Reader { bytes, at: 0 };
+    let request = match r.u8()? {
+        kind @ (1 | 2) => {
+            if r.array::<4>()? != MAGIC {
+                return r.error("this is not the view protocol");
+            }
+            if r.u8()? != VERSION {
+                return r.error("another version of the protocol; load the page anew");
+            }
+            let length = r.u8()?.into();
+            let Ok(model) = String::from_utf8(r.take(length)?.to_vec()) else { return r.error("a name that is no text") };
+            if kind == 1 {
+                Request::Hello { model }
+            } else {
+                let fingerprint = u64::from_le_bytes(r.array()?);
+                let count = u64::from_le_bytes(r.array()?);
+                if count > NODE_LIMIT || count.div_ceil(8) != (bytes.len() - r.at) as u64 {
+                    return r.error("a walk of another length than it says");
+                }
+                let bits = r.take(bytes.len() - r.at)?;
+                let shape = (0..count as usize).map(|i| bits[i / 8] >> (i % 8) & 1 == 1).collect();
+                Request::Resume { model, fingerprint, shape }
+            }
+        }
+        3 => {
+            let mut matrix = [0.0f32; 16];
+            for column in matrix.chunks_mut(4) {
+                for x in &mut column[..3] {
+                    *x = r.f32()?;
+                }
+            }
+            matrix[15] = 1.0;
+            let (tangent, aspect, tolerance) = (r.f32()?, r.f32()?, r.f32()?);
+            Request::View(View::new(matrix, tangent, aspect, tolerance)?)
+        }
+        4 => Request::View(View::everything()),
+        5 => Request::Bye,
+        _ => return r.error("no request begins so"),
+    };
+    r.end(request)
+}
+
+/// The base mesh's message.
+pub fn base(base: &Base) -> Vec<u8> {
+    let mut out = vec![129];
+    out.extend(base.fingerprint.to_le_bytes());
+    out.extend(base.total.to_le_bytes());
+    out.extend(base.unit.to_le_bytes());
+    out.push(base.grid.position_bits.unwrap_or(0));
+    base.grid.position_origin.iter().for_each(|x| out.extend(x.to_le_bytes()));
+    out.extend(base.grid.position_step.to_le_bytes());
+    [base.positions.len(), base.triangles.len()].iter().for_each(|&n| out.extend((n as u32).to_le_bytes()));
+    for (p, b) in base.positions.iter().zip(&base.bounds) {
+        p.iter().for_each(|x| out.extend(x.to_le_bytes()));
+        out.extend([b.radius, b.uniform, b.directional, b.axis[0] as u8, b.axis[1] as u8, b.sine]);
+    }
+    // As many bytes an index as the largest needs.
+    let width = index_width(base.positions.len());
+    base.triangles.iter().flatten().for_each(|&v| out.extend(&v.to_le_bytes()[..width]));
+    out
+}
+fn index_width(count: usize) -> usize {
+    1 + (usize::BITS - count.saturating_sub(1).leading_zeros()).saturating_sub(1) as usize / 8
+}
+
+/// Bytes of a reply.
+pub fn reply(reply: &Reply) -> Vec<u8> {
+    match reply {
+        Reply::Base(b) => base(b),
+        Reply::Resumed => vec![130],
+        Reply::Splits(packet) => [&[131], *packet].concat(),
+        Reply::Done => vec![132],
+        Reply::Error(text) => [&[133], text.as_bytes()].concat(),
+    }
+}
+
+/// Reads a reply. Errors: bytes that are none.
+pub fn read_reply(bytes: &[u8]) -> Result<Reply<'_>, ProtocolError> {
+    let mut r = Reader { bytes, at: 0 };
+    let reply = match r.u8()? {
+        129 => Reply::Base(read_base(&mut r)?),
+        130 => Reply::Resumed,
+        131 => Reply::Splits(r.take(bytes.len() - 1)?),
+        132 => Reply::Done,
+        133 => Reply::Error(String::from_utf8_lossy(r.take(bytes.len() - 1)?).into_owned()),
+        _ => return r.error("no reply begins so"),
+    };
+    r.end(reply)
+}
+
+fn read_base(r: &mut Reader) -> Result<Base, ProtocolError> {
+    let fingerprint = u64::from_le_bytes(r.array()?);
+    let total = u64::from_le_bytes(r.array()?);
+    let unit = f64::from_le_bytes(r.array()?);
+    let bits = r.u8()?;
+    let position_origin = [r.f32()?, r.f32()?, r.f32()?];
+    let position_step = f64::from_le_bytes(r.array()?);
+    let good = position_origin.iter().all(|x| x.is_finite()) && position_step.is_finite() && position_step >= 0.0 && bits <= 24;
+    if !good || (bits > 0 && position_step == 0.0) {
+        return r.error("a grid that is none");
+    }
+    let grid = Quantisation { position_bits: (bits > 0).then_some(bits), position_origin, position_step, ..Default::default() };
+    let (vertices, triangles) = (u32::from_le_bytes(r.array()?), u32::from_le_bytes(r.array()?));
+    let width = index_width(vertices as usize);
+    let left = (r.bytes.len() - r.at) as u64;
+    if vertices.max(triangles) > BASE_LIMIT || u64::from(vertices) * 18 + u64::from(triangles) * 3 * width as u64 != left {
+        return r.error("a base mesh of another size than it says");
+    }
+    let (mut positions, mut bounds) = (Vec::with_capacity(vertices as usize), Vec::with_capacity(vertices as usize));
+    for _ in 0..vertices {
+        positions.push([r.f32()?, r.f32()?, r.f32()?]);
+        let [radius, uniform, directional, x, y, sine] = r.array()?;
+        bounds.push(Bounds { radius, uniform, directional, axis: [x as i8, y as i8], sine });
+    }
+    let mut index = || {
+        let mut bytes = [0; 4];
+        bytes[..width].copy_from_slice(r.take(width)?);
+        Ok::<_, ProtocolError>(u32::from_le_bytes(bytes))
+    };
+    let triangles = (0..triangles).map(|_| Ok([index()?, index()?, index()?])).collect::<Result<_, ProtocolError>>()?;
+    Ok(Base { fingerprint, unit, grid, positions, bounds, triangles, total })
+}
+
+struct Reader<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Reader<'a> {
+    fn error<T>(&self, what: &'static str) -> Result<T, ProtocolError> {
+        Err(ProtocolError::Syntax { at: self.at.saturating_sub(1), what })
+    }
+    fn take(&mut self, count: usize) -> Result<&'a [u8], ProtocolError> {
+        match self.bytes.get(self.at..self.at.saturating_add(count)) {
+            Some(bytes) => {
+                self.at += count;
+                Ok(bytes)
+            }
+            None => Err(ProtocolError::Syntax { at: self.bytes.len(), what: "it ends too early" }),
+        }
+    }
+    fn array<const N: usize>(&mut self) -> Result<[u8; N], ProtocolError> {
+        let bytes = self.take(N)?;
+        Ok(std::array::from_fn(|i| bytes[i]))
+    }
+    fn u8(&mut self) -> Result<u8, ProtocolError> {
+        Ok(self.array::<1>()?[0])
+    }
+    fn f32(&mut self) -> Result<f32, ProtocolError> {
+        Ok(f32::from_le_bytes(self.array()?))
+    }
+    fn end<T>(&self, value: T) -> Result<T, ProtocolError> {
+        if self.at == self.bytes.len() {
+            Ok(value)
+        } else {
+            Err(ProtocolError::Syntax { at: self.at, what: "bytes after its end" })
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! What a server has of a mesh: static, shared by all sessions.
+
+use crate::error::ProtocolError;
+use crate::message::{self, Base};
+use pmesh_codec::pmesh::Quantisation;
+use pmesh_core::hierarchy::{NodeId, VertexHierarchy};
+
+/// A hierarchy on a grid, ready to be served.
+#[derive(Clone, Debug)]
+pub struct Model {
+    hierarchy: VertexHierarchy,
+    grid: Quantisation,
+    base: Vec<u8>,
+    fingerprint: u64,
+}
+
+impl Model {
+    /// `grid` is that of the positions, or none: then they are exact floats. O(n). Errors: positions that are not on the grid.
+    pub fn new(hierarchy: VertexHierarchy, grid: Quantisation) -> Result<Self, ProtocolError> {
+        let nodes = 0..hierarchy.nodes().len() as u32;
+        let off = |i: u32| {
+            let p = hierarchy.position(i);
+            grid.position_of_row(grid.position_row(p)).map(f32::to_bits) != p.map(f32::to_bits)
+        };
+        if nodes.clone().any(off) {
+            return Err(ProtocolError::Unexpected("positions of the hierarchy are not on its grid"));
+        }
+        // FNV-1a over all that a client will ever be told.
+        let mut fingerprint = 0xcbf2_9ce4_8422_2325u64;
+        let mut mix = |x: u64| fingerprint = (fingerprint ^ x).wrapping_mul(0x0100_0000_01b3);
+        for i in nodes {
+            let (node, p) = (&hierarchy.nodes()[i as usize], hierarchy.position(i));
+            p.iter().for_each(|x| mix(x.to_bits().into()));
+            let b = node.bounds;
+            mix(u64::from_le_bytes([b.radius, b.uniform, b.directional, b.axis[0] as u8, b.axis[1] as u8, b.sine, 0, 0]));
+            [node.child, node.cuts[0], node.cuts[1]].into_iter().for_each(|x| mix(x.into()));
+        }
+        hierarchy.base_triangles().iter().flatten().for_each(|&v| mix(v.into()));
+        let roots = 0..hierarchy.root_count();
+        let base = Base {
+            fingerprint,
+            unit: hierarchy.unit(),
+            grid,
+            positions: roots.clone().map(|i| hierarchy.position(i)).collect(),
+            bounds: roots.map(|i| hierarchy.nodes()[i as usize].bounds).collect(),
+            triangles: hierarchy.base_triangles().to_vec(),
+            total: hierarchy.nodes().len() as u64,
+        };
+        Ok(Self { base: message::base(&base), hierarchy, grid, fingerprint })
+    }
+    /// The hierarchy.
+    pub fn hierarchy(&self) -> &VertexHierarchy {
+        &self.hierarchy
+    }
+    /// Its grid.
+    pub fn grid(&self) -> &Quantisation {
+        &self.grid
+    }
+    /// Names this model, and this state of it.
+    pub fn fingerprint(&self) -> u64 {
+        self.fingerprint
+    }
+    /// The message with the base mesh.
+    pub fn base(&self) -> &[u8] {
+        &self.base
+    }
+    /// Where a node is, on the grid.
+    pub(crate) fn row(&self, i: u32) -> [i32; 3] {
+        self.grid.position_row(self.hierarchy.position(i))
+    }
+    /// Names of a node's cuts.
+    pub(crate) fn cuts(&self, i: u32) -> [Option<NodeId>; 2] {
+        self.hierarchy.node(i).map_or([None; 2], |n| n.cuts.map(|c| self.hierarchy.id(c)))
+    }
+}

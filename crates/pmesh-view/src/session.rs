@@ -1,0 +1,203 @@
+//! One client at the server.
+
+use crate::error::ProtocolError;
+use crate::message::{Reply, Request, read_request, reply};
+use crate::model::Model;
+use crate::splits::{SplitModels, write};
+use crate::tags::ActiveTags;
+use pmesh_core::hierarchy::{NONE, NodeId, View};
+use std::sync::Arc;
+
+/// Nodes that are looked at before the next look at the budget.
+const STRIDE: usize = 256;
+
+/// What a session has done.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Splits sent.
+    pub splits: u64,
+    /// Nodes looked at.
+    pub looked: u64,
+    /// Bytes received.
+    pub bytes_up: u64,
+    /// Bytes sent.
+    pub bytes_down: u64,
+}
+
+/// The server's side of a client: which nodes it has as leaves, and the last view. The front only moves down, so that each split is sent once (E.6, E.17).
+#[derive(Clone, Debug)]
+pub struct Session {
+    model: Arc<Model>,
+    tags: ActiveTags,
+    models: Box<SplitModels>,
+    /// The view that is worked on.
+    view: Option<View>,
+    /// Where the look through the front is, and whether it has found anything since it began.
+    at: u32,
+    found: bool,
+    counts: Counts,
+    waiting: Vec<u8>,
+}
+
+impl Session {
+    /// From a client's first message; `find` gives the model of a name. The first reply waits in [`Self::work`]. Errors: bytes that are none, a model that is not there or not that which
+    /// the client has. O(1), or O(what the client has).
+    pub fn open(first: &[u8], find: impl FnOnce(&str) -> Option<Arc<Model>>) -> Result<Self, ProtocolError> {
+        let missing = ProtocolError::Unexpected("there is no model of that name");
+        let begin = |model: Arc<Model>, tags, waiting| Self {
+            model,
+            tags,
+            models: Box::default(),
+            view: None,
+            at: 0,
+            found: false,
+            counts: Counts { bytes_up: first.len() as u64, ..Default::default() },
+            waiting,
+        };
+        match read_request(first)? {
+            Request::Hello { model } => {
+                let model = find(&model).ok_or(missing)?;
+                let tags = ActiveTags::new(model.hierarchy().root_count());
+                let base = model.base().to_vec();
+                Ok(begin(model, tags, base))
+            }
+            Request::Resume { model, fingerprint, shape } => {
+                let model = find(&model).ok_or(missing)?;
+                if model.fingerprint() != fingerprint {
+                    return Err(ProtocolError::OtherModel { expected: model.fingerprint(), found: fingerprint });
+                }
+                let tags = leaves(&model, &shape)?;
+                Ok(begin(model, tags, reply(&Reply::Resumed)))
+            }
+            _ => Err(ProtocolError::Unexpected("a session begins with a hello")),
+        }
+    }
+
+    /// Takes a message after the first. False if the client has said goodbye. A new view takes the place of one that is worked on. O(1).
+    pub fn receive(&mut self, bytes: &[u8]) -> Result<bool, ProtocolError> {
+        self.counts.bytes_up += bytes.len() as u64;
+        match read_request(bytes)? {
+            Request::View(view) => {
+                (self.view, self.at, self.found) = (Some(view), 0, false);
+                Ok(true)
+            }
+            Request::Bye => Ok(false),
+            _ => Err(ProtocolError::Unexpected("a session begins once")),
+        }
+    }
+
+    /// Goes on: the next message for the client, of at most about `most` splits, and looking at no more than `budget` nodes; `None` if there is nothing to say yet,
+    /// or at all ([`Self::is_idle`]). O(budget · depth).
+    pub fn work(&mut self, most: u32, budget: u32) -> Option<Vec<u8>> {
+        let message = if self.waiting.is_empty() { self.scan(most, budget)? } else { std::mem::take(&mut self.waiting) };
+        self.counts.bytes_down += message.len() as u64;
+        Some(message)
+    }
+    /// True if there is nothing to do until a message comes.
+    pub fn is_idle(&self) -> bool {
+        self.waiting.is_empty() && self.view.is_none()
+    }
+
+    fn scan(&mut self, most: u32, budget: u32) -> Option<Vec<u8>> {
+        let view = self.view?;
+        let most = most.min(crate::splits::PACKET_LIMIT / 2);
+        let (mut splits, mut look) = (Vec::new(), Vec::with_capacity(STRIDE));
+        let mut looked = 0;
+        while looked < budget && (splits.len() as u32) < most {
+            look.clear();
+            self.tags.list(self.at, STRIDE, &mut look);
+            let Some(&last) = look.last() else {
+                if !self.found {
+                    self.view = None;
+                    break;
+                }
+                // What was forced lies behind.
+                (self.at, self.found) = (0, false);
+                continue;
+            };
+            self.at = last + 1;
+            for &i in &look {
+                if (splits.len() as u32) >= most {
+                    self.at = i;
+                    break;
+                }
+                looked += 1;
+                let node = &self.model.hierarchy().nodes()[i as usize];
+                if self.tags.contains(i)
+                    && view.needs_more_than(self.model.hierarchy().position(i), &node.bounds, self.model.hierarchy().unit())
+                {
+                    // The children may lie before the end of what was listed.
+                    self.at = self.at.min(node.child);
+                    self.split(i, &mut splits);
+                    self.found = true;
+                }
+            }
+        }
+        self.counts.looked += u64::from(looked);
+        self.counts.splits += splits.len() as u64;
+        if splits.is_empty() {
+            return self.view.is_none().then(|| reply(&Reply::Done));
+        }
+        Some(reply(&Reply::Splits(&write(&mut self.models, &self.model, &self.tags, &splits))))
+    }
+
+    /// SelStreamVSplit (E.11): first the node at which both cuts stand. Iterative; each step goes down, so it ends.
+    fn split(&mut self, i: u32, splits: &mut Vec<u32>) {
+        let h = self.model.hierarchy();
+        let mut stack = vec![i];
+        while let Some(&s) = stack.last() {
+            let node = &h.nodes()[s as usize];
+            let active = |cut: u32| if cut == NONE { None } else { h.active_ancestor(cut, |n| self.tags.contains(n)) };
+            match node.cuts.map(active) {
+                // A leaf cannot be both: no collapse has such cuts.
+                [Some(a), Some(b)] if a == b && h.nodes()[a as usize].child != NONE && !stack.contains(&a) => stack.push(a),
+                _ => {
+                    stack.pop();
+                    if self.tags.contains(s) && node.child != NONE {
+                        splits.push(s);
+                        self.tags.split(s, node.child);
+                    }
+                }
+            }
+        }
+    }
+
+    /// What has been done.
+    pub fn counts(&self) -> Counts {
+        self.counts
+    }
+    /// The front.
+    pub fn tags(&self) -> &ActiveTags {
+        &self.tags
+    }
+    /// The model.
+    pub fn model(&self) -> &Arc<Model> {
+        &self.model
+    }
+    /// Bytes of this session, the model not counted.
+    pub fn memory_bytes(&self) -> usize {
+        size_of::<Self>() + size_of::<SplitModels>() + self.tags.memory_bytes() + self.waiting.capacity()
+    }
+}
+
+/// The leaves of a client's trees, from its walk through them.
+fn leaves(model: &Model, shape: &[bool]) -> Result<ActiveTags, ProtocolError> {
+    let h = model.hierarchy();
+    let bad = ProtocolError::Unexpected("the client has nodes that are not there");
+    let mut bits = shape.iter();
+    let mut tags = ActiveTags::empty();
+    let mut stack: Vec<u32> = Vec::with_capacity(NodeId::DEPTH_LIMIT as usize);
+    for root in 0..h.root_count() {
+        stack.push(root);
+        while let Some(i) = stack.pop() {
+            let Some(&has_children) = bits.next() else { return Err(bad) };
+            let child = h.nodes()[i as usize].child;
+            match (has_children, child) {
+                (false, _) => tags.insert(i),
+                (true, NONE) => return Err(bad),
+                (true, _) => stack.extend([child + 1, child]),
+            }
+        }
+    }
+    if bits.next().is_some() { Err(bad) } else { Ok(tags) }
+}

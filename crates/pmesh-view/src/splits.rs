@@ -1,0 +1,454 @@
+//! Packets of splits: what refines a client's hierarchy.
+//!
+//! A packet holds any set of nodes that are not split yet, each with those above it that are not either. Both ends walk down from the roots through what
+//! the client has; so a node's name costs the choices on the way, shared by all that lie together. Of each split come: where the second child is, as a
+//! difference to the first on the grid; the fundamental cut vertices, each as a way that leaves that of a cut known already, on through what is known
+//! (the nearer child first), and the rest that nobody can guess; the bounds of both children, each against their parent's. Choices are coded
+//! by chances that learn as long as the session lasts, some 7 kB at either end.
+
+use crate::error::ProtocolError;
+use crate::model::Model;
+use crate::tags::ActiveTags;
+use pmesh_codec::pmesh::Quantisation;
+use pmesh_codec::range::{Chance, Coder, Encoder, RangeDecoder};
+use pmesh_core::hierarchy::{Bounds, Front, NodeId, Split};
+use std::collections::HashSet;
+
+/// Most splits of a packet.
+pub const PACKET_LIMIT: u32 = 1 << 16;
+
+/// Chances of a number: of its length, by a tree.
+type Number = [Chance; 64];
+/// Cuts that a new one may be told by.
+const CANDIDATES: usize = 7;
+/// Ancestors whose cuts are among them.
+const ANCESTORS: usize = 3;
+/// Classes of a radius in steps of the grid, by its length in bits.
+const SIZES: usize = 24;
+
+/// What is learnt from packet to packet; both ends have the same.
+#[derive(Clone, Debug)]
+pub struct SplitModels {
+    /// Below which children there are splits.
+    below: [Chance; 4],
+    /// A new child splits too.
+    again: [[Chance; SIZES]; 2],
+    present: [Chance; 4],
+    which: [[Chance; 8]; 2],
+    up: Number,
+    /// The farther child.
+    farther: [Chance; 4],
+    /// How far the way goes on below what is known.
+    rest: Number,
+    position: [Number; SIZES],
+    sign: [Chance; 3],
+    leaf: [[Chance; SIZES]; 2],
+    radius: [Number; 2],
+    uniform: [Number; 2],
+    directional: [Number; 2],
+    axis: Number,
+    sine: Number,
+}
+
+impl Default for SplitModels {
+    fn default() -> Self {
+        let number = [Chance::default(); 64];
+        Self {
+            below: [Chance::default(); 4],
+            again: [[Chance::default(); SIZES]; 2],
+            present: [Chance::default(); 4],
+            which: [[Chance::default(); 8]; 2],
+            up: number,
+            farther: [Chance::default(); 4],
+            rest: number,
+            position: [number; SIZES],
+            sign: [Chance::default(); 3],
+            leaf: [[Chance::default(); SIZES]; 2],
+            radius: [number; 2],
+            uniform: [number; 2],
+            directional: [number; 2],
+            axis: number,
+            sine: number,
+        }
+    }
+}
+
+fn number(coder: &mut impl Coder, model: &mut Number, value: u32) -> u32 {
+    let length = coder.symbol(model, 32 - value.leading_zeros()).min(32);
+    if length <= 1 {
+        return length;
+    }
+    let low = coder.raw(length - 1, value & ((1 << (length - 1)) - 1));
+    1 << (length - 1) | low
+}
+fn signed(coder: &mut impl Coder, model: &mut Number, value: i32) -> i32 {
+    let zigzag = number(coder, model, ((value << 1) ^ (value >> 31)) as u32);
+    (zigzag >> 1) as i32 ^ -((zigzag & 1) as i32)
+}
+
+/// One end of a packet, while it is written or read: what the client has so far.
+trait Side {
+    fn roots(&self) -> u32;
+    /// The first child of a node that has them here.
+    fn child(&self, i: u32) -> Option<u32>;
+    fn parent(&self, i: u32) -> Option<u32>;
+    fn id(&self, i: u32) -> NodeId;
+    fn row(&self, i: u32) -> [i32; 3];
+    fn bounds(&self, i: u32) -> Bounds;
+    /// Of a node with children.
+    fn cuts(&self, i: u32) -> [Option<NodeId>; 2];
+    /// The writer: node `i` is to be split, or one below it is.
+    fn is_wanted(&self, i: u32) -> bool;
+    /// The writer: what is to be said of a node's split.
+    fn truth(&self, i: u32) -> Option<Split>;
+    /// Has the children from now on; gives the first.
+    fn add(&mut self, i: u32, split: &Split) -> Result<u32, ProtocolError>;
+    fn grid(&self) -> &Quantisation;
+    fn unit(&self) -> f64;
+}
+
+struct Writing<'a> {
+    model: &'a Model,
+    /// After the packet.
+    tags: &'a ActiveTags,
+    /// Those to come, and all above those of the packet.
+    pending: HashSet<u32>,
+    wanted: HashSet<u32>,
+}
+
+impl Side for Writing<'_> {
+    fn roots(&self) -> u32 {
+        self.model.hierarchy().root_count()
+    }
+    fn child(&self, i: u32) -> Option<u32> {
+        if self.tags.contains(i) || self.pending.contains(&i) {
+            return None;
+        }
+        self.model.hierarchy().node(i).map(|n| n.child)
+    }
+    fn parent(&self, i: u32) -> Option<u32> {
+        let parent = self.model.hierarchy().node(i)?.parent;
+        (i >= self.roots()).then_some(parent)
+    }
+    fn id(&self, i: u32) -> NodeId {
+        self.model.hierarchy().id(i).unwrap_or(NodeId::root(0))
+    }
+    fn row(&self, i: u32) -> [i32; 3] {
+        self.model.row(i)
+    }
+    fn bounds(&self, i: u32) -> Bounds {
+        self.model.hierarchy().node(i).map_or(Bounds::default(), |n| n.bounds)
+    }
+    fn cuts(&self, i: u32) -> [Option<NodeId>; 2] {
+        self.model.cuts(i)
+    }
+    fn is_wanted(&self, i: u32) -> bool {
+        self.wanted.contains(&i)
+    }
+    fn truth(&self, i: u32) -> Option<Split> {
+        Some(split_of(self.model, i))
+    }
+    fn add(&mut self, i: u32, _: &Split) -> Result<u32, ProtocolError> {
+        self.pending.remove(&i);
+        Ok(self.model.hierarchy().nodes()[i as usize].child)
+    }
+    fn grid(&self) -> &Quantisation {
+        self.model.grid()
+    }
+    fn unit(&self) -> f64 {
+        self.model.hierarchy().unit()
+    }
+}
+
+/// What is said of the split of node `i`, which has children.
+pub fn split_of(model: &Model, i: u32) -> Split {
+    let h = model.hierarchy();
+    let child = h.nodes()[i as usize].child;
+    let bounds = [child, child + 1].map(|c| h.nodes()[c as usize].bounds);
+    Split { id: h.id(i).unwrap_or(NodeId::root(0)), cuts: model.cuts(i), position: h.position(child + 1), bounds }
+}
+
+struct Reading<'a> {
+    front: &'a mut Front,
+    grid: &'a Quantisation,
+}
+
+impl Side for Reading<'_> {
+    fn roots(&self) -> u32 {
+        self.front.root_count()
+    }
+    fn child(&self, i: u32) -> Option<u32> {
+        self.front.node(i).map(|n| n.child).filter(|&c| c != pmesh_core::hierarchy::NONE)
+    }
+    fn parent(&self, i: u32) -> Option<u32> {
+        self.front.node(i).map(|n| n.parent).filter(|&p| p != pmesh_core::hierarchy::NONE)
+    }
+    fn id(&self, i: u32) -> NodeId {
+        self.front.id(i)
+    }
+    fn row(&self, i: u32) -> [i32; 3] {
+        self.front.node(i).map_or([0; 3], |n| self.grid.position_row(n.position))
+    }
+    fn bounds(&self, i: u32) -> Bounds {
+        self.front.node(i).map_or(Bounds::default(), |n| n.bounds)
+    }
+    fn cuts(&self, i: u32) -> [Option<NodeId>; 2] {
+        self.front.node(i).map_or([None; 2], |n| n.cuts)
+    }
+    fn is_wanted(&self, _: u32) -> bool {
+        false
+    }
+    fn truth(&self, _: u32) -> Option<Split> {
+        None
+    }
+    fn add(&mut self, _: u32, split: &Split) -> Result<u32, ProtocolError> {
+        let child = self.front.known() as u32;
+        self.front.learn(split)?;
+        Ok(child)
+    }
+    fn grid(&self) -> &Quantisation {
+        self.grid
+    }
+    fn unit(&self) -> f64 {
+        self.front.unit()
+    }
+}
+
+/// Writes a packet of `splits`, nodes whose children the client lacks; `tags` is the front after it. O(splits · depth).
+pub fn write(models: &mut SplitModels, model: &Model, tags: &ActiveTags, splits: &[u32]) -> Vec<u8> {
+    let mut wanted = HashSet::new();
+    for &i in splits {
+        let mut at = Some(i);
+        while let Some(i) = at.filter(|&i| wanted.insert(i)) {
+            at = model.hierarchy().node(i).map(|n| n.parent);
+        }
+    }
+    let mut side = Writing { model, tags, pending: splits.iter().copied().collect(), wanted };
+    let mut coder = Encoder::new();
+    // What is written is what was asked for: nothing can be wrong with it.
+    let written = walk(&mut coder, models, &mut side, splits.len() as u32);
+    debug_assert_eq!(written.ok(), Some(splits.len() as u32));
+    coder.finish()
+}
+
+/// Reads a packet into what the client knows; gives how many splits it held. O(splits · depth). Errors: a packet that does not fit; the splits before the place stay.
+pub fn read(models: &mut SplitModels, front: &mut Front, grid: &Quantisation, bytes: &[u8]) -> Result<u32, ProtocolError> {
+    let mut coder = RangeDecoder::new(bytes.to_vec());
+    walk(&mut coder, models, &mut Reading { front, grid }, 0)
+}
+
+fn syntax<T>(coder: &impl Coder, what: &'static str) -> Result<T, ProtocolError> {
+    Err(ProtocolError::Syntax { at: coder.byte_position(), what })
+}
+
+/// Where the walk is: a node that was there before, in or below which something is to come, or a new child.
+enum Visit {
+    Before(u32),
+    New(u32, usize),
+}
+
+fn walk<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &mut impl Side, count: u32) -> Result<u32, ProtocolError> {
+    let announced = coder.raw(17, count);
+    if announced > PACKET_LIMIT {
+        return syntax(coder, "more splits than a packet has");
+    }
+    let (mut done, mut tree) = (0, 0);
+    let mut stack = Vec::new();
+    let mut gaps = [Chance::default(); 64];
+    while done < announced {
+        let next = (tree..side.roots()).find(|&i| !C::ENCODES || side.is_wanted(i)).unwrap_or(tree);
+        tree = tree.saturating_add(number(coder, &mut gaps, next - tree));
+        if tree >= side.roots() {
+            return syntax(coder, "a tree that is not there");
+        }
+        stack.push(Visit::Before(tree));
+        tree += 1;
+        while let Some(visit) = stack.pop() {
+            let node = match visit {
+                Visit::Before(i) => match side.child(i) {
+                    Some(child) => {
+                        let both = [child, child + 1].map(|c| side.is_wanted(c));
+                        let which = coder.symbol(&mut m.below, u32::from(both[0]) | u32::from(both[1]) << 1);
+                        if which == 0 {
+                            return syntax(coder, "a way to nothing");
+                        }
+                        stack.extend((0..2).rev().filter(|k| which >> k & 1 == 1).map(|k| Visit::Before(child + k)));
+                        continue;
+                    }
+                    None => i,
+                },
+                Visit::New(i, k) => {
+                    let size = size_of_node(side, i);
+                    if side.bounds(i).is_leaf() || !coder.bit(&mut m.again[k][size], side.is_wanted(i)) {
+                        continue;
+                    }
+                    i
+                }
+            };
+            if side.bounds(node).is_leaf() || done == announced {
+                return syntax(coder, "a split of a leaf, or one too many");
+            }
+            let split = code(coder, m, side, node)?;
+            let child = side.add(node, &split)?;
+            done += 1;
+            if coder.ran_out() {
+                return syntax(coder, "it ends before all that it announces");
+            }
+            stack.extend([Visit::New(child + 1, 1), Visit::New(child, 0)]);
+        }
+    }
+    Ok(done)
+}
+
+/// Class of a node by its radius.
+fn size_of_node(side: &impl Side, i: u32) -> usize {
+    let step = if side.grid().position_bits.is_some() { side.grid().position_step } else { 1.0 };
+    let steps = Bounds::length(side.bounds(i).radius, side.unit()) / step;
+    (32 - (steps.min(1e9) as u32).leading_zeros()).min(SIZES as u32 - 1) as usize
+}
+
+fn code<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &impl Side, i: u32) -> Result<Split, ProtocolError> {
+    let truth = side.truth(i);
+    let (id, own, bounds, size) = (side.id(i), side.row(i), side.bounds(i), size_of_node(side, i));
+    let blue = truth.map_or([0; 3], |t| side.grid().position_row(t.position));
+    let mut row = [0i32; 3];
+    for k in 0..3 {
+        let residual = blue[k].wrapping_sub(own[k]);
+        let magnitude = number(coder, &mut m.position[size], residual.unsigned_abs());
+        let negative = magnitude > 0 && coder.bit(&mut m.sign[k], residual < 0);
+        row[k] = own[k].wrapping_add(if negative { (magnitude as i32).wrapping_neg() } else { magnitude as i32 });
+    }
+    let missing = truth.map_or(0, |t| t.cuts.iter().position(Option::is_none).map_or(0, |k| k + 1));
+    let missing = coder.symbol(&mut m.present, missing as u32) as usize;
+    let mut known = candidates(side, i);
+    let mut cuts = [None; 2];
+    for k in (0..2).filter(|k| k + 1 != missing) {
+        let middle: [i64; 3] = std::array::from_fn(|a| i64::from(own[a]) + i64::from(row[a]));
+        let cut = cut(coder, m, side, (k, &known), truth.and_then(|t| t.cuts[k]), middle)?;
+        known.push(cut);
+        cuts[k] = Some(cut);
+    }
+    let mut children = [Bounds::default(); 2];
+    for (k, child) in children.iter_mut().enumerate() {
+        let b = truth.map_or(Bounds::default(), |t| t.bounds[k]);
+        if coder.bit(&mut m.leaf[k][size], b.is_leaf()) {
+            continue;
+        }
+        let mut less = |model: &mut Number, parent: u8, own: u8| {
+            parent.wrapping_sub(number(coder, model, parent.wrapping_sub(own).into()) as u8)
+        };
+        child.radius = less(&mut m.radius[k], bounds.radius, b.radius);
+        child.uniform = less(&mut m.uniform[k], bounds.uniform, b.uniform);
+        child.directional = less(&mut m.directional[k], bounds.directional, b.directional);
+        for a in 0..2 {
+            let turn = b.axis[a].wrapping_sub(bounds.axis[a]);
+            child.axis[a] = bounds.axis[a].wrapping_add(signed(coder, &mut m.axis, turn.into()) as i8);
+        }
+        let sharper = i32::from(bounds.sine) - i32::from(b.sine);
+        child.sine = i32::from(bounds.sine).wrapping_sub(signed(coder, &mut m.sine, sharper)) as u8;
+    }
+    Ok(Split { id, cuts, position: side.grid().position_of_row(row), bounds: children })
+}
+
+/// Names that the cuts of node `i` may lie near: its sibling, and the cuts of those above.
+fn candidates(side: &impl Side, i: u32) -> Vec<NodeId> {
+    let mut known = Vec::with_capacity(CANDIDATES + 1);
+    let mut at = i;
+    for step in 0..ANCESTORS {
+        let Some(parent) = side.parent(at) else { break };
+        if step == 0 {
+            let first = side.child(parent).unwrap_or(at);
+            known.push(side.id(if at == first { first + 1 } else { first }));
+        }
+        known.extend(side.cuts(parent).into_iter().flatten());
+        at = parent;
+    }
+    known.truncate(CANDIDATES - 1);
+    known
+}
+
+/// Steps that two ways have in common; `None` in other trees.
+fn common(a: NodeId, b: NodeId) -> Option<u32> {
+    let (p, q) = a.depth().zip(b.depth()).filter(|_| a.tree == b.tree)?;
+    let least = p.min(q);
+    let differ = (a.node >> (p - least)) ^ (b.node >> (q - least));
+    Some(least - (64 - differ.leading_zeros()).min(least))
+}
+
+fn cut<C: Coder>(
+    coder: &mut C,
+    m: &mut SplitModels,
+    side: &impl Side,
+    (k, known): (usize, &[NodeId]),
+    truth: Option<NodeId>,
+    middle: [i64; 3],
+) -> Result<NodeId, ProtocolError> {
+    let target = truth.unwrap_or(NodeId::root(0));
+    let best = known.iter().map(|&c| common(c, target)).enumerate().rev().max_by_key(|(_, steps)| *steps);
+    let best = best.filter(|b| b.1.is_some()).map_or(CANDIDATES, |b| b.0);
+    let which = coder.symbol(&mut m.which[k], best as u32) as usize;
+    let depth = |id: NodeId| id.depth().unwrap_or(0);
+    let mut at;
+    match known.get(which) {
+        Some(&near) => {
+            let steps = common(near, target).unwrap_or(0);
+            let up = number(coder, &mut m.up, depth(near) - steps.min(depth(near)));
+            if up > depth(near) {
+                return syntax(coder, "a cut above a root");
+            }
+            at = NodeId { node: near.node >> up, ..near };
+            if up > 0 {
+                // It leaves the way there.
+                at.node = (near.node >> (up - 1)) ^ 1;
+            }
+        }
+        None if which == CANDIDATES => {
+            let bits = 32 - side.roots().saturating_sub(1).leading_zeros();
+            let tree = coder.raw(bits, target.tree);
+            if tree >= side.roots() {
+                return syntax(coder, "a cut in a tree that is not there");
+            }
+            at = NodeId::root(tree);
+        }
+        None => return syntax(coder, "a cut by one that is not there"),
+    }
+    // As far as the client's nodes lead.
+    let mut node = at.tree;
+    for second in at.way() {
+        match side.child(node) {
+            Some(child) => node = child + u32::from(second),
+            // Below what is known already.
+            None if side.bounds(node).is_leaf() => return syntax(coder, "a cut below a leaf"),
+            None => return rest(coder, m, at, target),
+        }
+    }
+    while let Some(child) = side.child(node) {
+        let far = [child, child + 1].map(|c| {
+            let row = side.row(c);
+            (0..3).map(|a| (2 * i64::from(row[a]) - middle[a]).unsigned_abs() as u128).map(|d| d * d).sum::<u128>()
+        });
+        let near = far[1] < far[0];
+        let second = target.node >> depth(target).saturating_sub(depth(at) + 1) & 1 == 1;
+        // Surer where one is much farther.
+        let sure = usize::from(far[0].max(far[1]) > 4 * far[0].min(far[1]));
+        let farther = coder.bit(&mut m.farther[2 * k + sure], second != near);
+        let Some(next) = at.child(farther != near) else { return syntax(coder, "a cut too deep") };
+        (node, at) = (child + u32::from(farther != near), next);
+    }
+    if side.bounds(node).is_leaf() { Ok(at) } else { rest(coder, m, at, target) }
+}
+
+/// The rest of a way, below what is known.
+fn rest<C: Coder>(coder: &mut C, m: &mut SplitModels, at: NodeId, target: NodeId) -> Result<NodeId, ProtocolError> {
+    let depth = |id: NodeId| id.depth().unwrap_or(0);
+    let length = number(coder, &mut m.rest, depth(target).saturating_sub(depth(at)));
+    if depth(at).saturating_add(length) > NodeId::DEPTH_LIMIT {
+        return syntax(coder, "a cut too deep");
+    }
+    let mut at = at;
+    for i in (0..length).rev() {
+        let bit = coder.raw(1, (target.node >> i & 1) as u32);
+        at.node = at.node << 1 | u64::from(bit);
+    }
+    Ok(at)
+}

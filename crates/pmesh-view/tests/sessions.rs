@@ -1,0 +1,266 @@
+//! A client and servers over a simulated link: G.20, G.22, G.24, G.25.
+
+use pmesh_build::hierarchy::hierarchy;
+use pmesh_build::sample::{knot, sample};
+use pmesh_build::simplify::{BatchOptions, collapse_batches};
+use pmesh_codec::pmesh::{Quantisation, quantise};
+use pmesh_core::IndexedMesh;
+use pmesh_core::hierarchy::View;
+use pmesh_view::message::{self, Request};
+use pmesh_view::{Client, Model, Session};
+use proptest::prelude::*;
+use std::sync::{Arc, OnceLock};
+
+const BITS: u8 = 12;
+
+fn plain(mesh: IndexedMesh) -> IndexedMesh {
+    let mut plain = IndexedMesh { triangles: mesh.triangles, ..Default::default() };
+    plain.vertices.positions = mesh.vertices.positions;
+    plain
+}
+fn model_of(mesh: &IndexedMesh, bits: Option<u8>) -> Arc<Model> {
+    let grid = Quantisation::fit(&mesh.vertices, bits);
+    let mesh = quantise(mesh, bits);
+    let stream = collapse_batches(&mesh, BatchOptions::default(), |_| ());
+    Arc::new(Model::new(hierarchy(&mesh, &stream).expect("a hierarchy"), grid).expect("on its grid"))
+}
+fn part() -> (IndexedMesh, Arc<Model>) {
+    static PART: OnceLock<(IndexedMesh, Arc<Model>)> = OnceLock::new();
+    let make = || {
+        let mesh = quantise(&plain(sample("part").expect("a sample").mesh), Some(BITS));
+        let model = model_of(&mesh, Some(BITS));
+        (mesh, model)
+    };
+    PART.get_or_init(make).clone()
+}
+
+/// Some way about a model, and back, twice: the paper's lap.
+fn lap(model: &Model, steps: u32) -> Vec<View> {
+    let positions: Vec<_> = (0..model.hierarchy().nodes().len() as u32).map(|i| model.hierarchy().position(i)).collect();
+    let bound = |f: fn(f32, f32) -> f32, from: f32| [0, 1, 2].map(|k| positions.iter().map(|p| p[k]).fold(from, f));
+    let (low, high) = (bound(f32::min, f32::INFINITY), bound(f32::max, f32::NEG_INFINITY));
+    let centre = [0, 1, 2].map(|k| (low[k] + high[k]) / 2.0);
+    let size = (0..3).map(|k| high[k] - low[k]).fold(0.0, f32::max);
+    let at = |i: u32| {
+        let a = i as f32 / steps as f32 * std::f32::consts::TAU;
+        let d = size * (1.2 + 0.9 * a.cos());
+        let eye = [centre[0] + d * a.sin(), centre[1] + 0.3 * size, centre[2] + d * a.cos()];
+        View::look_at(eye, centre, [0.0, 1.0, 0.0], [0.4, 1.5, 0.002]).expect("a view")
+    };
+    (0..steps).map(at).collect()
+}
+
+/// Lets both ends talk until neither has anything to say; messages are lost after `most` bytes down.
+fn talk(client: &mut Client, session: &mut Option<Session>, model: &Arc<Model>, view: &View, most: &mut u64) {
+    for _ in 0..10_000 {
+        while let Some(message) = client.poll() {
+            match session {
+                None => *session = Some(Session::open(&message, |_| Some(model.clone())).expect("it opens")),
+                Some(s) => assert!(s.receive(&message).expect("it is a request")),
+            }
+        }
+        let mut quiet = true;
+        while let Some(message) = session.as_mut().and_then(|s| s.work(500, 2_000)) {
+            if message.len() as u64 > *most {
+                return;
+            }
+            *most -= message.len() as u64;
+            client.receive(&message).expect("it is a reply");
+            quiet = false;
+        }
+        if session.as_ref().is_some_and(Session::is_idle) {
+            let progress = client.refine(view, u32::MAX).expect("a hierarchy");
+            if quiet && progress.splits + progress.collapses == 0 && !client.is_waiting() {
+                return;
+            }
+        }
+    }
+    let p = (0..4).map(|_| client.refine(view, u32::MAX)).collect::<Vec<_>>();
+    panic!("they talk for ever: {p:?} waiting {} front {}", client.is_waiting(), client.front().len());
+}
+
+fn sorted(triangles: impl Iterator<Item = [[u32; 3]; 3]>) -> Vec<[[u32; 3]; 3]> {
+    let mut all: Vec<_> = triangles.map(|[a, b, c]| [a, b, c].min([b, c, a]).min([c, a, b])).collect();
+    all.sort_unstable();
+    all
+}
+fn shown(client: &Client) -> Vec<[[u32; 3]; 3]> {
+    let front = client.front();
+    let at = |v: u32| front.positions()[v as usize].map(f32::to_bits);
+    sorted(front.mesh().shown().iter().filter_map(|&t| front.mesh().triangle(t)).map(|t| t.map(at)))
+}
+fn of(mesh: &IndexedMesh) -> Vec<[[u32; 3]; 3]> {
+    sorted(mesh.triangles.iter().map(|t| t.map(|v| mesh.vertices.positions[v as usize].map(f32::to_bits))))
+}
+
+#[test]
+fn g20_each_split_is_sent_once_and_the_second_lap_is_free() {
+    let (_, model) = part();
+    let (mut client, mut session) = (Client::new("part"), None);
+    let mut most = u64::MAX;
+    let views = lap(&model, 60);
+    let mut laps = Vec::new();
+    for _ in 0..2 {
+        let mut faces = Vec::new();
+        for view in &views {
+            talk(&mut client, &mut session, &model, view, &mut most);
+            faces.push(client.front().mesh().shown().len());
+        }
+        client.front().mesh().check_invariants();
+        laps.push((client.bytes(), faces));
+    }
+    let counts = session.as_ref().expect("a session").counts();
+    println!(
+        "{} splits, {:.2} bytes each; up {}, down {}",
+        counts.splits,
+        counts.bytes_down as f64 / counts.splits as f64,
+        counts.bytes_up,
+        counts.bytes_down
+    );
+    assert_eq!(laps[0].0, laps[1].0, "the second lap costs nothing, neither way");
+    assert_eq!(counts.splits, client.splits());
+    assert_eq!(client.front().known() as u64, u64::from(model.hierarchy().root_count()) + 2 * counts.splits, "each once");
+    assert!(counts.splits > 500 && client.front().known() < model.hierarchy().nodes().len());
+    // Less is shown from afar than from near.
+    let (least, most) = (laps[1].1.iter().min().expect("faces"), laps[1].1.iter().max().expect("faces"));
+    assert!(most > &(least * 6 / 5), "{least} to {most}");
+}
+
+#[test]
+fn g20_after_a_break_any_server_goes_on_from_what_the_client_has() {
+    let (mesh, model) = part();
+    let views = lap(&model, 24);
+    let (mut whole, mut one) = (Client::new("part"), None);
+    views.iter().for_each(|v| talk(&mut whole, &mut one, &model, v, &mut u64::MAX.clone()));
+    let (mut client, mut session) = (Client::new("part"), None);
+    let mut breaks = 0;
+    let mut sent = 0;
+    for (i, view) in views.iter().enumerate() {
+        // Every second view, the line goes dead after some bytes; another server takes over, which has never heard of the client.
+        let mut most = if i % 2 == 1 { 40 } else { u64::MAX };
+        talk(&mut client, &mut session, &model, view, &mut most);
+        if i % 2 == 1 {
+            sent += session.take().map_or(0, |s| s.counts().splits);
+            client.reconnect();
+            talk(&mut client, &mut session, &model, view, &mut u64::MAX.clone());
+            breaks += 1;
+            let own: Vec<_> = client.front().leaves().map(|id| model.hierarchy().find(id).expect("a node")).collect();
+            let tags = session.as_ref().expect("a session").tags();
+            assert!(own.len() as u64 == tags.len() && own.iter().all(|&i| tags.contains(i)), "the same front");
+        }
+    }
+    sent += session.as_ref().map_or(0, |s| s.counts().splits);
+    assert_eq!(breaks, 12);
+    assert_eq!(shown(&client), shown(&whole));
+    assert_eq!(client.splits(), whole.splits());
+    println!("{} splits, {sent} sent in all", client.splits());
+    assert!(sent > client.splits() && sent < client.splits() + 12 * 500, "no more is sent twice than was in flight");
+    // G.24: then all of it.
+    talk(&mut client, &mut session, &model, &View::everything(), &mut u64::MAX.clone());
+    assert!(client.has_all());
+    assert_eq!(shown(&client), of(&mesh));
+}
+
+#[test]
+fn g24_all_of_a_session_is_the_mesh_bit_for_bit() {
+    for (name, bits) in [("knot", Some(14)), ("marble", None), ("tetrahedra", Some(12)), ("part", None)] {
+        let mesh = quantise(&plain(sample(name).expect("a sample").mesh), bits);
+        let model = model_of(&mesh, bits);
+        let (mut client, mut session) = (Client::new(name), None);
+        for view in lap(&model, 5).iter().chain([&View::everything()]) {
+            talk(&mut client, &mut session, &model, view, &mut u64::MAX.clone());
+        }
+        let counts = session.expect("a session").counts();
+        println!("{name}: {} bytes, {:.2} a split", counts.bytes_down, counts.bytes_down as f64 / counts.splits.max(1) as f64);
+        assert!(client.has_all());
+        assert_eq!(client.front().known() as u64, client.total());
+        assert_eq!(shown(&client), of(&mesh), "{name}");
+    }
+}
+
+#[test]
+fn g22_tags_take_a_tenth_of_a_list_of_nodes() {
+    let mesh = quantise(&knot(1500, 100), Some(BITS));
+    let model = model_of(&mesh, Some(BITS));
+    let (mut client, mut session) = (Client::new("knot"), None);
+    let mut window = (0, 0);
+    let mut looked = 0;
+    for view in lap(&model, 8).iter().chain([&View::everything()]) {
+        talk(&mut client, &mut session, &model, view, &mut u64::MAX.clone());
+        let tags = session.as_ref().expect("a session").tags();
+        // The same decisions as an explicit front: the client's.
+        let own: Vec<_> = client.front().leaves().map(|id| model.hierarchy().find(id).expect("a node")).collect();
+        assert!(own.len() as u64 == tags.len() && own.iter().all(|&i| tags.contains(i)));
+        let now = tags.window().expect("a front");
+        assert!(now.0 >= window.0 && now.1 >= window.1, "the window moves right only");
+        window = now;
+        let (bytes, list) = (tags.memory_bytes() as f64, 16.0 * tags.len() as f64);
+        println!("{} in the front: {:.3} of a list", tags.len(), bytes / list);
+        assert!(tags.len() < 100_000 || bytes <= 0.1 * list);
+        looked += u32::from(tags.len() >= 100_000);
+        assert!(bytes <= list + 1024.0);
+    }
+    assert!(looked > 0);
+}
+
+#[test]
+fn g25_messages_that_are_none_end_the_session_and_nothing_else() {
+    let (_, model) = part();
+    let find = |_: &str| Some(model.clone());
+    let hello = message::request(&Request::Hello { model: "part".into() });
+    assert!(Session::open(&hello, |_| None).is_err());
+    assert!(Session::open(&hello[..5], find).is_err());
+    let mut session = Session::open(&hello, find).expect("it opens");
+    assert!(session.receive(&hello).is_err(), "twice");
+    let view = message::request(&Request::View(lap(&model, 3)[0]));
+    for at in 0..view.len() {
+        let mut bad = view.clone();
+        bad[at..].iter_mut().take(4).for_each(|b| *b = 0xff);
+        let _ = session.receive(&bad);
+        assert!(session.receive(&view[..at]).is_err());
+        let _ = session.work(50, 500);
+    }
+    // A client that says it has what is not there, or too much, or too little.
+    let shape = |bits: usize, count: u64| {
+        let mut resume = message::request(&Request::Resume {
+            model: "part".into(),
+            fingerprint: model.fingerprint(),
+            shape: vec![true; bits],
+        });
+        let at = resume.len() - bits.div_ceil(8) - 8;
+        resume[at..at + 8].copy_from_slice(&count.to_le_bytes());
+        Session::open(&resume, find).map(drop)
+    };
+    assert!(shape(100_000, 100_000).is_err());
+    assert!(shape(8, u64::MAX).is_err());
+    assert!(shape(0, 0).is_err());
+    let other = message::request(&Request::Resume { model: "part".into(), fingerprint: 7, shape: vec![false; 60] });
+    assert!(Session::open(&other, find).is_err());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(300) })]
+    #[test]
+    fn g25_no_reply_makes_a_client_panic(cuts in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6), length in any::<prop::sample::Index>()) {
+        let (_, model) = part();
+        let (mut client, mut session) = (Client::new("part"), None);
+        let view = lap(&model, 7)[0];
+        while let Some(m) = client.poll() {
+            session = Some(Session::open(&m, |_| Some(model.clone())).expect("it opens"));
+        }
+        let mut session = session.expect("a session");
+        client.receive(&session.work(1, 1).expect("the base")).expect("it is");
+        client.refine(&view, u32::MAX).expect("a hierarchy");
+        session.receive(&client.poll().expect("a view")).expect("it is");
+        let good = session.work(300, 5_000).expect("splits");
+        let mut bad = good.clone();
+        for (at, with) in cuts {
+            let at = at.index(bad.len());
+            bad[at] ^= with;
+        }
+        bad.truncate(length.index(bad.len()) + 1);
+        let _ = client.receive(&bad);
+        let _ = client.refine(&View::everything(), 10_000);
+        client.front().mesh().check_invariants();
+    }
+}
