@@ -52,10 +52,13 @@ enum Command {
     Build,
     /// Measure natively and in Chromium: encode, decode, level selection, memory; with --quality the simplifier's error; `bench
     /// peers [MESH…]` sets our streams beside Draco and meshoptimizer, `bench prefix [MESH…]` every part of ours beside the best file
-    /// of its size
+    /// of its size, `bench view-dependent MESH…` measures streams that follow a view, beside the figures of the paper
     Bench {
-        /// "peers" or "prefix" first, or meshes; the samples, and those in ../shared/models, by default
+        /// "peers", "prefix" or "view-dependent" first, or meshes; the samples, and those in ../shared/models, by default
         meshes: Vec<PathBuf>,
+        /// Where the figures of `bench view-dependent` go, too
+        #[arg(long)]
+        json: Option<PathBuf>,
         /// Where every figure of `bench peers` goes, too
         #[arg(long)]
         csv: Option<PathBuf>,
@@ -105,6 +108,9 @@ fn run(command: Command) -> Result<()> {
             peers::run(&meshes[1..], csv.as_deref())
         }
         Command::Bench { meshes, .. } if meshes.first().is_some_and(|m| m.as_os_str() == "prefix") => prefixes::run(&meshes[1..]),
+        Command::Bench { meshes, json, .. } if meshes.first().is_some_and(|m| m.as_os_str() == "view-dependent") => {
+            test::bench_views(&meshes[1..], json.as_deref())
+        }
         Command::Bench { meshes, quality, .. } => test::bench(&meshes, quality),
         Command::Compare { meshes } => test::compare(&meshes),
         Command::Fuzz { targets, seconds } => fuzz::run_targets(&targets, seconds),

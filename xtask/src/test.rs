@@ -2,7 +2,7 @@
 
 use crate::shell::{Result, heading, output_of, program, root, run};
 use crate::{build, fuzz, tools};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Compressed size of wgpu's minimal WebGL2 module, and how much more ours may be: a tenth, a hundredth more since it decodes seven
@@ -122,6 +122,27 @@ pub fn bench(meshes: &[PathBuf], quality: bool) -> Result<()> {
     build::everything(&meshes)?;
     heading("WebAssembly in Chromium");
     run(&mut node_script("bench.mjs", "chrome", &tools)?)
+}
+
+/// KL04's experiments on each mesh; plots go to target/view.
+pub fn bench_views(meshes: &[PathBuf], json: Option<&Path>) -> Result<()> {
+    if meshes.is_empty() {
+        return Err("which mesh? cargo xtask bench view-dependent MESH… [--json FILE]".into());
+    }
+    let absolute = |m: &Path| std::path::absolute(m).map_err(|e| format!("{}: {e}", m.display()));
+    let plots = root().join("target/view");
+    std::fs::create_dir_all(&plots).map_err(|e| format!("{}: {e}", plots.display()))?;
+    let mut command = program("cargo", &[]);
+    command.args(["bench", "--quiet", "-p", "pmesh-view", "--bench", "view", "--", "--plots"]).arg(&plots);
+    for mesh in meshes {
+        command.arg(absolute(mesh)?);
+    }
+    if let Some(json) = json {
+        command.arg("--json").arg(absolute(json)?);
+    }
+    run(&mut command)?;
+    println!("plots: target/view");
+    Ok(())
 }
 
 /// `pmesh compare` with a column more: how long the browser takes.

@@ -8,6 +8,8 @@ use pmesh_core::hierarchy::{Bounds, HierarchyError, NONE, VertexHierarchy};
 
 /// Most vertices below a node whose distances are looked at; of more, some.
 const LOOKS: usize = 64;
+/// Most vertices below a node whose own cones are looked at; of more, those of the children.
+const CONES: usize = 512;
 
 /// The hierarchy of what `stream` takes apart. Positions are those of `mesh`, which is the stream's or that on its grid. O(n log n). Errors: a stream that does not fit the mesh.
 pub fn hierarchy(mesh: &IndexedMesh, stream: &CompactStream) -> Result<VertexHierarchy, HierarchyError> {
@@ -58,8 +60,12 @@ struct Replay<'a> {
     /// Sum of the normals × area of the triangles at what lies below.
     normals: Vec<Point>,
     cones: Vec<Cone>,
-    radii: Vec<f64>,
-    errors: Vec<[f64; 2]>,
+    /// Of the vertices alone, in the finest mesh.
+    own_cones: Vec<Cone>,
+    /// Corners of the box about all triangles at what lies below, as they were and are.
+    boxes: Vec<[Point; 2]>,
+    /// Along the surface, along the axis, whichever way.
+    errors: Vec<[f64; 3]>,
 }
 
 impl<'a> Replay<'a> {
@@ -75,8 +81,9 @@ impl<'a> Replay<'a> {
             count: vec![1; n],
             normals: vec![[0.0; 3]; n],
             cones: vec![Cone { axis: [0.0, 0.0, 1.0], angle: None }; n],
-            radii: vec![0.0; n],
-            errors: vec![[0.0; 2]; n],
+            own_cones: Vec::new(),
+            boxes: mesh.vertices.positions.iter().map(|p| [p.map(f64::from); 2]).collect(),
+            errors: vec![[0.0; 3]; n],
         };
         for (t, &v) in mesh.triangles.iter().enumerate().filter(|(_, [a, b, c])| a != b && b != c && c != a) {
             let normal = replay.normal(v);
@@ -84,13 +91,13 @@ impl<'a> Replay<'a> {
                 let i = v[k] as usize;
                 replay.about[i].push(t as u32);
                 replay.normals[i] = add(replay.normals[i], normal);
-                let far = [v[(k + 1) % 3], v[(k + 2) % 3]].map(|w| length(sub(replay.at(w), replay.at(v[k]))));
-                replay.radii[i] = replay.radii[i].max(far[0]).max(far[1]);
+                v.iter().for_each(|&w| replay.boxes[i] = joined(replay.boxes[i], [replay.at(w); 2]));
             }
         }
         for v in 0..n as u32 {
             replay.cones[v as usize] = replay.cone(v, &[]);
         }
+        replay.own_cones = replay.cones.clone();
         replay
     }
     fn at(&self, v: u32) -> Point {
@@ -130,19 +137,23 @@ impl<'a> Replay<'a> {
         self.next[end as usize] = blue;
         self.count[red as usize] += self.count[blue as usize];
         self.normals[red as usize] = add(self.normals[red as usize], self.normals[blue as usize]);
-        let own = self.at(red);
-        let far = length(sub(self.at(blue), own)) + self.radii[blue as usize];
-        let around = about.iter().flat_map(|&t| self.triangles[t as usize]).map(|v| length(sub(self.at(v), own)));
-        self.radii[red as usize] = around.fold(self.radii[red as usize].max(far), f64::max);
+        let mut all = joined(self.boxes[red as usize], self.boxes[blue as usize]);
+        about.iter().flat_map(|&t| self.triangles[t as usize]).for_each(|v| all = joined(all, [self.at(v); 2]));
+        self.boxes[red as usize] = all;
         self.about[red as usize] = about;
-        self.cones[red as usize] = self.cone(red, &children);
+        self.cones[red as usize] = if self.count[red as usize] as usize > CONES {
+            self.cone(red, &children)
+        } else {
+            let below = std::iter::successors(Some(red), |&v| Some(self.next[v as usize]).filter(|&w| w != NONE));
+            let all: Vec<Cone> = below.map(|v| self.own_cones[v as usize]).collect();
+            self.cone(red, &all)
+        };
         self.measure(blue, red);
         cuts
     }
 
-    /// A cone about the mean normal of what is below `v`, with those of `children`, or else with the triangles about `v` in the finest mesh, and in any case with those
-    /// about it now.
-    fn cone(&self, v: u32, children: &[Cone]) -> Cone {
+    /// A cone about the mean normal of what is below `v`, with those of `inner` and the triangles about it now.
+    fn cone(&self, v: u32, inner: &[Cone]) -> Cone {
         let code = Bounds { axis: Bounds::axis_code(self.normals[v as usize]), ..Default::default() };
         let axis = code.direction();
         let mut angle = Some((1.0f64, 0.0f64));
@@ -154,10 +165,10 @@ impl<'a> Replay<'a> {
         };
         // The sine of what is less than a right angle.
         let of = |cosine: f64| (cosine > 0.0).then(|| (cosine, (1.0 - cosine * cosine).max(0.0).sqrt()));
-        for child in children {
-            let between = of(dot(axis, child.axis).min(1.0));
+        for part in inner {
+            let between = of(dot(axis, part.axis).min(1.0));
             // cos (a + b) = cos a cos b − sin a sin b.
-            widen(between.zip(child.angle).and_then(|(a, b)| of(a.0 * b.0 - a.1 * b.1)));
+            widen(between.zip(part.angle).and_then(|(a, b)| of(a.0 * b.0 - a.1 * b.1)));
         }
         for &t in &self.about[v as usize] {
             let normal = self.normal(self.triangles[t as usize]);
@@ -173,7 +184,7 @@ impl<'a> Replay<'a> {
     fn measure(&mut self, blue: u32, red: u32) {
         let axis = self.cones[red as usize].axis;
         let [a, b] = [red, blue].map(|v| self.errors[v as usize]);
-        let mut most = [a[0].max(b[0]), a[1].max(b[1])];
+        let mut most: [f64; 3] = std::array::from_fn(|k| a[k].max(b[k]));
         let every = (self.count[red as usize] as usize).div_ceil(LOOKS);
         let mut v = red;
         for i in 0.. {
@@ -184,10 +195,10 @@ impl<'a> Replay<'a> {
                     (dot(from, from), from)
                 });
                 let alone = sub(own, self.at(red));
-                let (_, from) = near.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, alone));
+                let (squared, from) = near.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((dot(alone, alone), alone));
                 let up = dot(from, axis);
                 let aside = length(sub(from, axis.map(|x| x * up)));
-                most = [most[0].max(aside), most[1].max(up.abs())];
+                most = [most[0].max(aside), most[1].max(up.abs()), most[2].max(squared.sqrt())];
             }
             v = self.next[v as usize];
             if v == NONE {
@@ -198,16 +209,23 @@ impl<'a> Replay<'a> {
     }
 
     fn bounds(&self, v: u32) -> Bounds {
-        let Cone { angle, .. } = self.cones[v as usize];
-        let [uniform, directional] = self.errors[v as usize];
+        let [aside, up, whole] = self.errors[v as usize];
         let code = |x: f64| Bounds::length_code(x, self.unit);
-        Bounds {
-            radius: code(self.radii[v as usize]),
-            // Not nothing: nothing is what a leaf has.
-            uniform: code(uniform).max(1),
-            directional: code(directional),
-            axis: Bounds::axis_code(self.normals[v as usize]),
-            sine: angle.map_or(255, |(_, sine)| (sine * 255.0 + 1e-6).ceil().min(255.0) as u8),
+        let sine = self.cones[v as usize].angle.map_or(1.0, |(_, sine)| sine);
+        let sine = (sine * f64::from(Bounds::NO_CONE) + 1e-6).ceil().min(f64::from(Bounds::NO_CONE)) as u8;
+        // Every other length does.
+        let (own, [low, high]) = (self.at(v), self.boxes[v as usize]);
+        let farthest: Point = std::array::from_fn(|k| (own[k] - low[k]).max(high[k] - own[k]));
+        let radius = code(length(farthest)) | 1;
+        // Not nothing: nothing is what a leaf has.
+        if sine == Bounds::NO_CONE {
+            return Bounds { radius, uniform: code(whole).max(1), sine, ..Default::default() };
         }
+        let axis = Bounds::axis_code(self.normals[v as usize]);
+        Bounds { radius, uniform: code(aside).max(1), directional: code(up), axis, sine }
     }
+}
+
+fn joined([low, high]: [Point; 2], [l, h]: [Point; 2]) -> [Point; 2] {
+    [std::array::from_fn(|k| low[k].min(l[k])), std::array::from_fn(|k| high[k].max(h[k]))]
 }

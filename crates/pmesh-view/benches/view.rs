@@ -10,12 +10,11 @@ use pmesh_build::simplify::BatchOptions;
 use pmesh_codec::Receiver;
 use pmesh_codec::compact;
 use pmesh_codec::pmesh::{Quantisation, quantise};
-use pmesh_core::IndexedMesh;
 use pmesh_core::hierarchy::{Bounds, NONE, View};
-use pmesh_view::splits::split_of;
+use pmesh_core::{IndexedMesh, Vertices};
 use pmesh_view::{Client, Model, Session};
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -95,7 +94,7 @@ fn bytes_of(file: &[u8], vertices: usize) -> Outcome<usize> {
     Ok(bytes)
 }
 
-fn run(mesh: &IndexedMesh, name: &str, json_to: Option<PathBuf>, plots: Option<PathBuf>) -> Outcome<()> {
+fn run(mesh: &IndexedMesh, name: &str, plots: Option<&Path>) -> Outcome<serde_json::Value> {
     let start = Instant::now();
     let grid = Quantisation::fit(&mesh.vertices, Some(BITS));
     let mesh = quantise(mesh, Some(BITS));
@@ -125,19 +124,14 @@ fn run(mesh: &IndexedMesh, name: &str, json_to: Option<PathBuf>, plots: Option<P
     let (low, high) = mesh.bounds();
     let size = (0..3).map(|k| high[k] - low[k]).fold(0.0, f32::max);
 
-    // A fixed view, near (Figure 8): the uppermost quarter fills the picture.
-    let target = [(low[0] + high[0]) / 2.0, high[1] - 0.12 * (high[1] - low[1]), (low[2] + high[2]) / 2.0];
-    let distance = 0.45 * size;
-    let near =
-        View::look_at([target[0], target[1], high[2] + distance], target, [0.0, 1.0, 0.0], [CAMERA[0], CAMERA[1], tolerance])?;
-    let far = View::look_at(
-        [target[0], (low[1] + high[1]) / 2.0, high[2] + 1.6 * size],
-        [target[0], (low[1] + high[1]) / 2.0, target[2]],
-        [0.0, 1.0, 0.0],
-        [CAMERA[0], CAMERA[1], tolerance],
-    )?;
+    // Fixed views (Figure 8): of all, of the uppermost part, of a piece of that.
+    let middle = [(low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0, high[2]];
+    let above = [middle[0], high[1] - 0.12 * (high[1] - low[1]), high[2]];
     let mut fixed = Vec::new();
-    for (what, view, distance) in [("near", near, distance), ("whole", far, 1.6 * size)] {
+    for (what, target, far) in [("whole", middle, 1.6), ("near", above, 0.45), ("close", above, 0.12)] {
+        let distance = far * size;
+        let eye = [target[0], target[1], target[2] + distance];
+        let view = View::look_at(eye, target, [0.0, 1.0, 0.0], [CAMERA[0], CAMERA[1], tolerance])?;
         let (mut client, mut session) = (Client::new(name), None);
         settle(&mut client, &mut session, &model, &view)?;
         let (up, down) = client.bytes();
@@ -186,6 +180,15 @@ fn run(mesh: &IndexedMesh, name: &str, json_to: Option<PathBuf>, plots: Option<P
         "  a lap of {STEPS} views: up {} bytes, down {} for {splits} splits, {per_split:.2} each (paper: some 78); the second lap: up {}, down {} (paper: 0)",
         laps[0].0, laps[0].1, laps[1].0, laps[1].1
     );
+    let spent = session.as_ref().map(Session::spent).unwrap_or_default();
+    let each = |bits: f64| bits / 8.0 / splits as f64;
+    println!(
+        "    of these {:.2} say which split, {:.2} where, {:.2} the cuts, {:.2} the bounds",
+        each(spent.names),
+        each(spent.positions),
+        each(spent.cuts),
+        each(spent.bounds)
+    );
     let memory = session.as_ref().map_or(0, Session::memory_bytes);
     println!(
         "  the server's front: at most {front_most} nodes, its tags {:.1} % of a list of 16 bytes a node (paper: under 10 %); {memory} bytes a session",
@@ -203,8 +206,9 @@ fn run(mesh: &IndexedMesh, name: &str, json_to: Option<PathBuf>, plots: Option<P
     // Splits and collapses a second: between the two views, all being here.
     let start = Instant::now();
     let mut steps = 0;
+    let views = path(low, high, tolerance)?;
     for _ in 0..5 {
-        for view in [near, far] {
+        for view in [views[0], views[STEPS as usize / 4]] {
             loop {
                 let p = client.refine(&view, u32::MAX)?;
                 steps += u64::from(p.splits + p.collapses);
@@ -220,20 +224,16 @@ fn run(mesh: &IndexedMesh, name: &str, json_to: Option<PathBuf>, plots: Option<P
         plot(&folder.join(format!("{name}-view-bytes.svg")), "bytes down", curve.iter().map(|c| c.0.1 as f64).collect())?;
         plot(&folder.join(format!("{name}-view-faces.svg")), "faces", curve.iter().map(|c| c.1 as f64).collect())?;
     }
-    if let Some(path) = json_to {
-        let all = json!({
-            "model": name, "vertices": mesh.vertices.len(), "base_vertices": roots, "id_bits": [bits.tree, bits.node], "pmesh_bytes": file.len(),
-            "fixed": fixed, "bytes_ratio": fixed[0]["bytes_ratio"], "lap_bytes_up": laps[0].0, "lap_bytes_down": laps[0].1, "second_lap_bytes": laps[1].0 + laps[1].1,
-            "tags_over_front": tags_ratio, "front": front_most, "session_bytes": memory, "splits": splits, "bytes_per_split": per_split, "steps_a_second": rate,
-            "example_split": format!("{:?}", split_of(&model, 0)),
-        });
-        std::fs::write(path, serde_json::to_string_pretty(&all)?)?;
-    }
-    Ok(())
+    Ok(json!({
+        "model": name, "vertices": mesh.vertices.len(), "base_vertices": roots, "id_bits": [bits.tree, bits.node], "pmesh_bytes": file.len(),
+        "fixed": fixed, "bytes_ratio": fixed[2]["bytes_ratio"], "lap_bytes_up": laps[0].0, "lap_bytes_down": laps[0].1,
+        "second_lap_bytes": laps[1].0 + laps[1].1, "tags_over_front": tags_ratio, "front": front_most, "session_bytes": memory, "splits": splits,
+        "bytes_per_split": per_split, "steps_a_second": rate,
+    }))
 }
 
 /// A curve over the frames of both laps.
-fn plot(path: &std::path::Path, what: &str, values: Vec<f64>) -> Outcome<()> {
+fn plot(path: &Path, what: &str, values: Vec<f64>) -> Outcome<()> {
     let most = values.iter().copied().fold(1.0, f64::max);
     let point =
         |(i, v): (usize, &f64)| format!("{:.1},{:.1}", 60.0 + 620.0 * i as f64 / values.len() as f64, 360.0 - 320.0 * v / most);
@@ -248,24 +248,27 @@ fn plot(path: &std::path::Path, what: &str, values: Vec<f64>) -> Outcome<()> {
 
 fn main() -> Outcome<()> {
     let mut args = std::env::args().skip(1).filter(|a| a != "--bench");
-    let (mut model, mut json_to, mut plots) = (None, None, None);
+    let (mut meshes, mut json_to, mut plots) = (Vec::new(), None, None);
     while let Some(arg) = args.next() {
         match &arg[..] {
             "--json" => json_to = args.next().map(PathBuf::from),
             "--plots" => plots = args.next().map(PathBuf::from),
-            _ => model = Some(PathBuf::from(arg)),
+            _ => meshes.push(PathBuf::from(arg)),
         }
     }
-    let Some(path) = model else {
-        println!("no model: cargo bench -p pmesh-view --bench view -- MODEL [--json FILE] [--plots FOLDER]");
-        return Ok(());
-    };
-    let mesh = import(&path.to_string_lossy(), &std::fs::read(&path)?, &mut |_| None)?.mesh;
-    let plain = IndexedMesh {
-        vertices: pmesh_core::Vertices { positions: mesh.vertices.positions, ..Default::default() },
-        triangles: mesh.triangles,
-        ..Default::default()
-    };
-    let name = path.file_stem().map_or("model".into(), |s| s.to_string_lossy().into_owned());
-    run(&plain, &name, json_to, plots)
+    if meshes.is_empty() {
+        println!("no mesh: cargo bench -p pmesh-view --bench view -- MESH… [--json FILE] [--plots FOLDER]");
+    }
+    let mut all = Vec::new();
+    for path in meshes {
+        let mesh = import(&path.to_string_lossy(), &std::fs::read(&path)?, &mut |_| None)?.mesh;
+        let vertices = Vertices { positions: mesh.vertices.positions, ..Default::default() };
+        let plain = IndexedMesh { vertices, triangles: mesh.triangles, ..Default::default() };
+        let name = path.file_stem().map_or("model".into(), |s| s.to_string_lossy().into_owned());
+        all.push(run(&plain, &name, plots.as_deref())?);
+    }
+    if let Some(path) = json_to {
+        std::fs::write(path, serde_json::to_string_pretty(&if all.len() == 1 { all.remove(0) } else { all.into() })?)?;
+    }
+    Ok(())
 }

@@ -61,7 +61,7 @@ impl Client {
     }
     /// The connection is new, perhaps to another server: the next message says what is here already (E.7). O(what is here).
     pub fn reconnect(&mut self) {
-        self.models = Box::default();
+        *self.models = SplitModels::default();
         // What was on its way is asked for again.
         self.asked = None;
         self.out = Some(match self.fingerprint {
@@ -88,7 +88,7 @@ impl Client {
         let progress = self.front.refine(view, budget)?;
         let is_new = self.asked.is_none_or(|(asked, _)| asked != *view);
         if progress.wants_more && is_new && self.out.is_none() {
-            self.out = Some(request(&Request::View(*view)));
+            self.out = Some(request(&Request::View(Box::new(*view))));
             self.asked = Some((*view, false));
         }
         Ok(progress)

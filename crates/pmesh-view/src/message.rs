@@ -33,7 +33,7 @@ pub enum Request {
         shape: Vec<bool>,
     },
     /// What is looked at; or everything.
-    View(View),
+    View(Box<View>),
     /// It was a pleasure.
     Bye,
 }
@@ -76,7 +76,7 @@ pub struct Base {
 pub fn request(request: &Request) -> Vec<u8> {
     let mut out = Vec::new();
     let name = |out: &mut Vec<u8>, model: &str| {
-        let bytes = &model.as_bytes()[..model.floor_char_boundary(NAME_LIMIT)];
+        let bytes = &model.as_bytes()[..model.len().min(NAME_LIMIT)];
         out.push(bytes.len() as u8);
         out.extend(bytes);
     };
@@ -145,9 +145,9 @@ pub fn read_request(bytes: &[u8]) -> Result<Request, ProtocolError> {
             }
             matrix[15] = 1.0;
             let (tangent, aspect, tolerance) = (r.f32()?, r.f32()?, r.f32()?);
-            Request::View(View::new(matrix, tangent, aspect, tolerance)?)
+            Request::View(Box::new(View::new(matrix, tangent, aspect, tolerance)?))
         }
-        4 => Request::View(View::everything()),
+        4 => Request::View(Box::new(View::everything())),
         5 => Request::Bye,
         _ => return r.error("no request begins so"),
     };

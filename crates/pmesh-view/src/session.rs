@@ -3,7 +3,7 @@
 use crate::error::ProtocolError;
 use crate::message::{Reply, Request, read_request, reply};
 use crate::model::Model;
-use crate::splits::{SplitModels, write};
+use crate::splits::{Spent, SplitModels, write};
 use crate::tags::ActiveTags;
 use pmesh_core::hierarchy::{NONE, NodeId, View};
 use std::sync::Arc;
@@ -78,7 +78,7 @@ impl Session {
         self.counts.bytes_up += bytes.len() as u64;
         match read_request(bytes)? {
             Request::View(view) => {
-                (self.view, self.at, self.found) = (Some(view), 0, false);
+                (self.view, self.at, self.found) = (Some(*view), 0, false);
                 Ok(true)
             }
             Request::Bye => Ok(false),
@@ -165,6 +165,10 @@ impl Session {
     /// What has been done.
     pub fn counts(&self) -> Counts {
         self.counts
+    }
+    /// Bits of the splits sent, by what they say.
+    pub fn spent(&self) -> Spent {
+        self.models.spent
     }
     /// The front.
     pub fn tags(&self) -> &ActiveTags {

@@ -18,17 +18,34 @@ use std::collections::HashSet;
 pub const PACKET_LIMIT: u32 = 1 << 16;
 
 /// Chances of a number: of its length, by a tree.
-type Number = [Chance; 64];
+type Number = [Chance; 32];
 /// Cuts that a new one may be told by.
 const CANDIDATES: usize = 7;
 /// Ancestors whose cuts are among them.
 const ANCESTORS: usize = 3;
 /// Classes of a radius in steps of the grid, by its length in bits.
-const SIZES: usize = 24;
+const SIZES: usize = 16;
+/// Classes of how much an axis of the grid lies along the normal.
+const SLOPES: usize = 4;
+
+/// Bits that splits take, by what they say.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Spent {
+    /// Which nodes split.
+    pub names: f64,
+    /// Where the children are.
+    pub positions: f64,
+    /// The fundamental cut vertices.
+    pub cuts: f64,
+    /// Bounds of the children.
+    pub bounds: f64,
+}
 
 /// What is learnt from packet to packet; both ends have the same.
 #[derive(Clone, Debug)]
 pub struct SplitModels {
+    /// Bits so far.
+    pub spent: Spent,
     /// Below which children there are splits.
     below: [Chance; 4],
     /// A new child splits too.
@@ -39,47 +56,54 @@ pub struct SplitModels {
     /// The farther child.
     farther: [Chance; 4],
     /// How far the way goes on below what is known.
-    rest: Number,
-    position: [Number; SIZES],
+    rest: [Number; SIZES],
+    position: [[Number; SLOPES]; SIZES],
     sign: [Chance; 3],
     leaf: [[Chance; SIZES]; 2],
     radius: [Number; 2],
-    uniform: [Number; 2],
-    directional: [Number; 2],
-    axis: Number,
-    sine: Number,
+    /// By how much less the radius is.
+    uniform: [[Number; 4]; 2],
+    /// By how much less the other error is; the last where the parent has no cone.
+    directional: [[Number; 5]; 2],
+    /// Has a cone, by whether the parent has one and which child it is.
+    cone: [[Chance; 2]; 2],
+    /// By the parent's cone.
+    axis: [[Number; 5]; 2],
+    sine: [[Number; 5]; 2],
 }
 
 impl Default for SplitModels {
     fn default() -> Self {
-        let number = [Chance::default(); 64];
+        let (chance, number) = (Chance::default(), [Chance::default(); 32]);
         Self {
-            below: [Chance::default(); 4],
-            again: [[Chance::default(); SIZES]; 2],
-            present: [Chance::default(); 4],
-            which: [[Chance::default(); 8]; 2],
+            spent: Spent::default(),
+            below: [chance; 4],
+            again: [[chance; SIZES]; 2],
+            present: [chance; 4],
+            which: [[chance; 8]; 2],
             up: number,
-            farther: [Chance::default(); 4],
-            rest: number,
-            position: [number; SIZES],
-            sign: [Chance::default(); 3],
-            leaf: [[Chance::default(); SIZES]; 2],
+            farther: [chance; 4],
+            rest: [number; SIZES],
+            position: [[number; SLOPES]; SIZES],
+            sign: [chance; 3],
+            leaf: [[chance; SIZES]; 2],
             radius: [number; 2],
-            uniform: [number; 2],
-            directional: [number; 2],
-            axis: number,
-            sine: number,
+            uniform: [[number; 4]; 2],
+            directional: [[number; 5]; 2],
+            cone: [[chance; 2]; 2],
+            axis: [[number; 5]; 2],
+            sine: [[number; 5]; 2],
         }
     }
 }
 
 fn number(coder: &mut impl Coder, model: &mut Number, value: u32) -> u32 {
-    let length = coder.symbol(model, 32 - value.leading_zeros()).min(32);
-    if length <= 1 {
-        return length;
+    let length = coder.symbol(model, (32 - value.leading_zeros()).min(31));
+    match length {
+        0 | 1 => length,
+        31 => coder.raw(32, value),
+        _ => 1 << (length - 1) | coder.raw(length - 1, value & ((1 << (length - 1)) - 1)),
     }
-    let low = coder.raw(length - 1, value & ((1 << (length - 1)) - 1));
-    1 << (length - 1) | low
 }
 fn signed(coder: &mut impl Coder, model: &mut Number, value: i32) -> i32 {
     let zigzag = number(coder, model, ((value << 1) ^ (value >> 31)) as u32);
@@ -248,13 +272,14 @@ enum Visit {
 }
 
 fn walk<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &mut impl Side, count: u32) -> Result<u32, ProtocolError> {
+    let mut before = coder.position();
     let announced = coder.raw(17, count);
     if announced > PACKET_LIMIT {
         return syntax(coder, "more splits than a packet has");
     }
     let (mut done, mut tree) = (0, 0);
     let mut stack = Vec::new();
-    let mut gaps = [Chance::default(); 64];
+    let mut gaps = [Chance::default(); 32];
     while done < announced {
         let next = (tree..side.roots()).find(|&i| !C::ENCODES || side.is_wanted(i)).unwrap_or(tree);
         tree = tree.saturating_add(number(coder, &mut gaps, next - tree));
@@ -288,7 +313,9 @@ fn walk<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &mut impl Side, coun
             if side.bounds(node).is_leaf() || done == announced {
                 return syntax(coder, "a split of a leaf, or one too many");
             }
+            m.spent.names += coder.position() - before;
             let split = code(coder, m, side, node)?;
+            before = coder.position();
             let child = side.add(node, &split)?;
             done += 1;
             if coder.ran_out() {
@@ -308,16 +335,20 @@ fn size_of_node(side: &impl Side, i: u32) -> usize {
 }
 
 fn code<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &impl Side, i: u32) -> Result<Split, ProtocolError> {
-    let truth = side.truth(i);
+    let (truth, start) = (side.truth(i), coder.position());
     let (id, own, bounds, size) = (side.id(i), side.row(i), side.bounds(i), size_of_node(side, i));
     let blue = truth.map_or([0; 3], |t| side.grid().position_row(t.position));
+    let normal = bounds.direction().map(f64::abs);
+    let slope = normal.map(|n| if bounds.sine == Bounds::NO_CONE { 0 } else { 1 + usize::from(n > 0.4) + usize::from(n > 0.8) });
     let mut row = [0i32; 3];
     for k in 0..3 {
         let residual = blue[k].wrapping_sub(own[k]);
-        let magnitude = number(coder, &mut m.position[size], residual.unsigned_abs());
+        let magnitude = number(coder, &mut m.position[size][slope[k]], residual.unsigned_abs());
         let negative = magnitude > 0 && coder.bit(&mut m.sign[k], residual < 0);
         row[k] = own[k].wrapping_add(if negative { (magnitude as i32).wrapping_neg() } else { magnitude as i32 });
     }
+    let placed = coder.position();
+    m.spent.positions += placed - start;
     let missing = truth.map_or(0, |t| t.cuts.iter().position(Option::is_none).map_or(0, |k| k + 1));
     let missing = coder.symbol(&mut m.present, missing as u32) as usize;
     let mut known = candidates(side, i);
@@ -328,25 +359,40 @@ fn code<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &impl Side, i: u32) 
         known.push(cut);
         cuts[k] = Some(cut);
     }
+    let cut_off = coder.position();
+    m.spent.cuts += cut_off - placed;
     let mut children = [Bounds::default(); 2];
     for (k, child) in children.iter_mut().enumerate() {
         let b = truth.map_or(Bounds::default(), |t| t.bounds[k]);
         if coder.bit(&mut m.leaf[k][size], b.is_leaf()) {
             continue;
         }
-        let mut less = |model: &mut Number, parent: u8, own: u8| {
-            parent.wrapping_sub(number(coder, model, parent.wrapping_sub(own).into()) as u8)
-        };
-        child.radius = less(&mut m.radius[k], bounds.radius, b.radius);
-        child.uniform = less(&mut m.uniform[k], bounds.uniform, b.uniform);
-        child.directional = less(&mut m.directional[k], bounds.directional, b.directional);
+        // Radii are odd.
+        let closer = number(coder, &mut m.radius[k], u32::from(bounds.radius.wrapping_sub(b.radius)) / 2);
+        child.radius = bounds.radius.wrapping_sub((closer as u8).wrapping_mul(2));
+        let better = number(coder, &mut m.uniform[k][closer.min(3) as usize], bounds.uniform.wrapping_sub(b.uniform).into());
+        child.uniform = bounds.uniform.wrapping_sub(better as u8);
+        let better = (better as usize).div_ceil(2).min(3);
+        let had_cone = bounds.sine < Bounds::NO_CONE;
+        // An eighth of a turn and more, and so on.
+        let width = if had_cone { (bounds.sine / 8).min(3) as usize } else { 4 };
+        child.sine = Bounds::NO_CONE;
+        if !coder.bit(&mut m.cone[usize::from(had_cone)][k], b.sine < Bounds::NO_CONE) {
+            continue;
+        }
+        // Without a cone the parent's error is one of both kinds.
+        let before = if had_cone { bounds.directional } else { child.uniform };
+        let directional =
+            signed(coder, &mut m.directional[k][if had_cone { better } else { 4 }], i32::from(before) - i32::from(b.directional));
+        child.directional = i32::from(before).wrapping_sub(directional) as u8;
         for a in 0..2 {
             let turn = b.axis[a].wrapping_sub(bounds.axis[a]);
-            child.axis[a] = bounds.axis[a].wrapping_add(signed(coder, &mut m.axis, turn.into()) as i8);
+            child.axis[a] = bounds.axis[a].wrapping_add(signed(coder, &mut m.axis[k][width], turn.into()) as i8);
         }
         let sharper = i32::from(bounds.sine) - i32::from(b.sine);
-        child.sine = i32::from(bounds.sine).wrapping_sub(signed(coder, &mut m.sine, sharper)) as u8;
+        child.sine = i32::from(bounds.sine).wrapping_sub(signed(coder, &mut m.sine[k][width], sharper)) as u8;
     }
+    m.spent.bounds += coder.position() - cut_off;
     Ok(Split { id, cuts, position: side.grid().position_of_row(row), bounds: children })
 }
 
@@ -419,7 +465,10 @@ fn cut<C: Coder>(
             Some(child) => node = child + u32::from(second),
             // Below what is known already.
             None if side.bounds(node).is_leaf() => return syntax(coder, "a cut below a leaf"),
-            None => return rest(coder, m, at, target),
+            None => {
+                let size = size_of_node(side, node);
+                return rest(coder, m, size, at, target);
+            }
         }
     }
     while let Some(child) = side.child(node) {
@@ -435,13 +484,17 @@ fn cut<C: Coder>(
         let Some(next) = at.child(farther != near) else { return syntax(coder, "a cut too deep") };
         (node, at) = (child + u32::from(farther != near), next);
     }
-    if side.bounds(node).is_leaf() { Ok(at) } else { rest(coder, m, at, target) }
+    if side.bounds(node).is_leaf() {
+        return Ok(at);
+    }
+    let size = size_of_node(side, node);
+    rest(coder, m, size, at, target)
 }
 
 /// The rest of a way, below what is known.
-fn rest<C: Coder>(coder: &mut C, m: &mut SplitModels, at: NodeId, target: NodeId) -> Result<NodeId, ProtocolError> {
+fn rest<C: Coder>(coder: &mut C, m: &mut SplitModels, size: usize, at: NodeId, target: NodeId) -> Result<NodeId, ProtocolError> {
     let depth = |id: NodeId| id.depth().unwrap_or(0);
-    let length = number(coder, &mut m.rest, depth(target).saturating_sub(depth(at)));
+    let length = number(coder, &mut m.rest[size], depth(target).saturating_sub(depth(at)));
     if depth(at).saturating_add(length) > NodeId::DEPTH_LIMIT {
         return syntax(coder, "a cut too deep");
     }

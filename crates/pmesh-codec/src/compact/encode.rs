@@ -138,7 +138,7 @@ pub fn encode(stream: &CompactStream, position_bits: Option<u8>, out: &mut impl 
             vertex_order: &mut writer.vertex_order,
             position_of: &writer.position_of,
         };
-        let (mut coder, mut levels, mut part) = (Encoder::new(), LevelCoder::new(count, 0), Default::default());
+        let (mut coder, mut levels, mut part) = (Encoder::new(), LevelCoder::new(count, count.into(), 0), Default::default());
         let (surface, rows) = (&mut writer.surface, &mut writer.rows);
         while !levels
             .step(&mut coder, (&mut model, &mut memory), (&mut *surface, &mut *rows), Some(&mut truth), usize::MAX, &mut part)

@@ -144,6 +144,7 @@ impl Spent {
 pub(super) struct LevelCoder {
     /// Most bytes that a vertex takes: announced to a decoder, found by an encoder.
     pub(super) reach: usize,
+    coming: usize,
     /// Vertices before the level, and after.
     pub(super) start: usize,
     end: usize,
@@ -180,8 +181,10 @@ pub(super) struct LevelCoder {
 const ROOM: usize = 1024;
 
 impl LevelCoder {
-    pub(super) fn new(new_vertices: u32, reach: usize) -> Self {
+    /// `coming` vertices more are announced, those of the level included.
+    pub(super) fn new(new_vertices: u32, coming: u64, reach: usize) -> Self {
         Self {
+            coming: usize::try_from(coming).unwrap_or(usize::MAX).clamp(new_vertices as usize, u32::MAX as usize),
             reach,
             start: usize::MAX,
             end: new_vertices as usize,
@@ -224,9 +227,13 @@ impl LevelCoder {
             model.place.begin_level(coder);
             memory.know(rows);
             self.looked = memory.count();
-            // As many as the level announces, and no more: doubling would leave a third unused. What it announces is not believed
-            // beyond what is there. The largest first: each is there twice for a moment.
-            let more = (self.end - self.start).min(self.start.max(ROOM));
+            // Room for all that is announced, or half of it, or a quarter: so nothing is left unused at the end, and what is copied then is half as
+            // large. It is not believed beyond twice what is there. The largest first: each is there twice for a moment.
+            let mut room = self.start.saturating_add(self.coming);
+            while room / 2 >= self.end {
+                room = room.div_ceil(2);
+            }
+            let more = (room - self.start).min(2 * self.start.max(ROOM));
             memory.reserve(more);
             surface.reserve(more, 2 * more);
             rows.values.reserve_exact(more * rows.width);
@@ -529,11 +536,15 @@ impl LevelCoder {
 pub(super) struct CompactLevels {
     model: Option<(LevelModel, Memory)>,
     level: Option<Box<LevelCoder>>,
+    coming: u64,
     /// Of the levels before.
     before: Spent,
 }
 
 impl Levels for CompactLevels {
+    fn expect(&mut self, vertices: u64) {
+        self.coming = vertices;
+    }
     fn begin(&mut self, bytes: &mut Vec<u8>, new_vertices: u32, width: usize) -> bool {
         let mut reader = Reader { rest: bytes };
         let Ok(reach) = reader.varint() else { return false };
@@ -541,7 +552,7 @@ impl Levels for CompactLevels {
         bytes.drain(..taken);
         self.model.get_or_insert_with(|| (LevelModel::new(width), Memory::default()));
         self.before = self.before.plus(self.level.take().map_or_else(Spent::default, |l| l.spent));
-        self.level = Some(Box::new(LevelCoder::new(new_vertices, reach as usize)));
+        self.level = Some(Box::new(LevelCoder::new(new_vertices, self.coming, reach as usize)));
         true
     }
     fn components(&self) -> Vec<(&'static str, f64)> {

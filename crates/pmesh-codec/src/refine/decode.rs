@@ -160,6 +160,8 @@ impl RefinementDecoder {
             self.level_bytes += u64::from(block.byte_count);
             // A vertex brings two triangles; along a boundary, which compact levels refine, one.
             let (new, twice) = (u64::from(block.new_triangles), 2 * u64::from(block.new_vertices));
+            let coming = header.blocks[self.block..].iter().filter(|b| b.kind == BlockKind::Level && b.new_triangles > 0);
+            self.levels_of.expect(coming.map(|b| u64::from(b.new_vertices)).sum());
             let counts = if self.container == Container::Compact { twice / 2..=twice } else { twice..=twice };
             if !counts.contains(&new) || !self.levels_of.begin(&mut bytes, block.new_vertices, self.rows.width) {
                 return Err(DecodeError::syntax(place, format!("block {} is no level that refines the one before", self.block)));

@@ -22,6 +22,8 @@ pub(crate) fn item_limit(bytes: u32) -> u64 {
 
 /// How the levels after the base are coded.
 pub(crate) trait Levels: Send {
+    /// Says how many vertices this level and those after it bring, by the table: whoever makes room may heed it, but not believe it.
+    fn expect(&mut self, _vertices: u64) {}
     /// Begins a level of `new_vertices` and takes its parameters off the front of `bytes`; false if it is none.
     fn begin(&mut self, bytes: &mut Vec<u8>, new_vertices: u32, width: usize) -> bool;
     /// Most bytes that one piece of work reads: with fewer left of those that have arrived, the level waits.

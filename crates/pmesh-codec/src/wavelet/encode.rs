@@ -36,7 +36,7 @@ pub fn encode(picture: &Picture, limit: Option<usize>) -> Result<Vec<Vec<u8>>, E
     let close = |coder: &mut Encoder, segments: &mut u16, parts: &mut Vec<Vec<u8>>| {
         let mut part = if parts.is_empty() { header.clone() } else { Vec::new() };
         part.extend(std::mem::take(segments).to_le_bytes());
-        part.extend(std::mem::replace(coder, Encoder::new()).finish());
+        part.extend(std::mem::take(coder).finish());
         let length = part.len();
         parts.push(part);
         length

@@ -120,9 +120,9 @@ impl View {
         }
         let axis = bounds.direction();
         let along = dot(from_eye, axis);
-        if bounds.sine < 255 && along > 0.0 {
+        if bounds.sine < Bounds::NO_CONE && along > 0.0 {
             // Every triangle of the ball must be turned away, wherever in it.
-            let sine = f64::from(bounds.sine) / 255.0;
+            let sine = f64::from(bounds.sine) / f64::from(Bounds::NO_CONE);
             if along - radius > (squared.sqrt() + radius) * sine {
                 return false;
             }
@@ -157,14 +157,14 @@ mod tests {
     fn e10_in_sight_facing_and_off() {
         let v = view();
         assert!(v.eye().iter().zip([0.0, 0.0, 5.0]).all(|(a, b)| (a - b).abs() < 1e-6));
-        let seen = bounds(0.1, 0.1, 20, [0.0, 0.0, 1.0]);
+        let seen = bounds(0.1, 0.1, 3, [0.0, 0.0, 1.0]);
         assert!(v.needs_more_than([0.0; 3], &seen, 10.0));
-        assert!(!v.needs_more_than([0.0; 3], &bounds(0.1, 0.1, 20, [0.0, 0.0, -1.0]), 10.0), "turned away");
-        assert!(v.needs_more_than([0.0; 3], &bounds(0.1, 0.1, 255, [0.0, 0.0, -1.0]), 10.0), "every way");
+        assert!(!v.needs_more_than([0.0; 3], &bounds(0.1, 0.1, 3, [0.0, 0.0, -1.0]), 10.0), "turned away");
+        assert!(v.needs_more_than([0.0; 3], &bounds(0.1, 0.1, 31, [0.0, 0.0, -1.0]), 10.0), "every way");
         assert!(!v.needs_more_than([4.0, 0.0, 0.0], &seen, 10.0), "out of sight");
         assert!(!v.needs_more_than([0.0, 0.0, 9.0], &seen, 10.0), "behind");
         // κ d = 2 · 0.01 · 0.5 · 5 = 0.05.
-        assert!(!v.needs_more_than([0.0; 3], &bounds(0.1, 0.03, 20, [0.0, 0.0, 1.0]), 10.0), "good enough");
+        assert!(!v.needs_more_than([0.0; 3], &bounds(0.1, 0.03, 3, [0.0, 0.0, 1.0]), 10.0), "good enough");
         assert!(!v.needs_more_than([0.0; 3], &Bounds { radius: 255, ..Default::default() }, 10.0), "a leaf");
         let along = Bounds { directional: Bounds::length_code(0.3, 10.0), uniform: 0, ..seen };
         assert!(!v.needs_more_than([0.0; 3], &along, 10.0), "seen from above a bump does not show");
