@@ -10,6 +10,7 @@ mod input;
 mod output;
 mod progress;
 mod sample;
+mod serve;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -39,6 +40,7 @@ enum Command {
     Compare(compare::Args),
     CompareSlod(compare_slod::Args),
     Sample(sample::Args),
+    Serve(serve::Args),
 }
 
 fn main() -> ExitCode {
@@ -50,6 +52,7 @@ fn main() -> ExitCode {
         Command::Compare(args) => compare::run(&args),
         Command::CompareSlod(args) => compare_slod::run(&args),
         Command::Sample(args) => sample::run(&args, cli.quiet),
+        Command::Serve(args) => serve::run(args, cli.quiet),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,7 +1,7 @@
 //! The client's end: what it has, its front, and what it asks for.
 
 use crate::error::ProtocolError;
-use crate::message::{Reply, Request, read_reply, request};
+use crate::message::{Reply, Request, Shape, read_reply, request};
 use crate::splits::{SplitModels, read};
 use pmesh_codec::pmesh::Quantisation;
 use pmesh_core::hierarchy::{Front, NONE, Progress, View};
@@ -16,6 +16,8 @@ pub struct Client {
     total: u64,
     models: Box<SplitModels>,
     out: Option<Vec<u8>>,
+    /// The server has answered the first message of this connection.
+    is_open: bool,
     /// The last view asked for, and whether the server is done with it.
     asked: Option<(View, bool)>,
     splits: u64,
@@ -43,11 +45,12 @@ impl Client {
                     return Err(ProtocolError::Unexpected("a second base mesh"));
                 }
                 self.front = Front::new(base.positions, &base.bounds, base.triangles, base.unit)?;
+                self.is_open = true;
                 (self.grid, self.fingerprint, self.total) = (base.grid, Some(base.fingerprint), base.total);
             }
-            Reply::Resumed if self.fingerprint.is_some() => {}
+            Reply::Resumed if self.fingerprint.is_some() => self.is_open = true,
             Reply::Splits(packet) if self.fingerprint.is_some() => {
-                self.splits += u64::from(read(&mut self.models, &mut self.front, &self.grid, packet)?);
+                self.splits += u64::from(read(&mut self.models, &mut self.front, (&self.grid, self.total), packet)?);
             }
             Reply::Done => {
                 if let Some(asked) = &mut self.asked {
@@ -64,13 +67,14 @@ impl Client {
         *self.models = SplitModels::default();
         // What was on its way is asked for again.
         self.asked = None;
+        self.is_open = false;
         self.out = Some(match self.fingerprint {
             None => request(&Request::Hello { model: self.name.clone() }),
             Some(fingerprint) => request(&Request::Resume { model: self.name.clone(), fingerprint, shape: self.shape() }),
         });
     }
-    fn shape(&self) -> Vec<bool> {
-        let mut shape = Vec::with_capacity(self.front.known());
+    fn shape(&self) -> Shape {
+        let mut shape = Shape::default();
         let mut stack: Vec<u32> = (0..self.front.root_count()).rev().collect();
         while let Some(i) = stack.pop() {
             let child = self.front.node(i).map_or(NONE, |n| n.child);
@@ -110,9 +114,9 @@ impl Client {
     pub fn has_all(&self) -> bool {
         self.fingerprint.is_some() && self.front.known() as u64 >= self.total
     }
-    /// True if the server is at a view.
+    /// True if the server owes an answer: to the first message, or to a view.
     pub fn is_waiting(&self) -> bool {
-        self.fingerprint.is_none() || self.asked.is_some_and(|a| !a.1)
+        !self.is_open || self.asked.is_some_and(|a| !a.1)
     }
     /// Splits received.
     pub fn splits(&self) -> u64 {

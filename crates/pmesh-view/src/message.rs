@@ -10,6 +10,8 @@ pub const VERSION: u8 = 1;
 const MAGIC: [u8; 4] = *b"PMVD";
 /// Most vertices and triangles of a base mesh.
 const BASE_LIMIT: u32 = 1 << 22;
+/// Most nodes of a hierarchy.
+const TOTAL_LIMIT: u64 = 1 << 31;
 /// Most bytes of a model's name.
 const NAME_LIMIT: usize = 255;
 /// Most nodes that a client may say it has.
@@ -29,13 +31,56 @@ pub enum Request {
         model: String,
         /// [`Base::fingerprint`].
         fingerprint: u64,
-        /// Nodes known.
-        shape: Vec<bool>,
+        /// Of the nodes known.
+        shape: Shape,
     },
     /// What is looked at; or everything.
     View(Box<View>),
     /// It was a pleasure.
     Bye,
+}
+
+impl Request {
+    /// The model that a first message names.
+    pub fn model(&self) -> Option<&str> {
+        match self {
+            Self::Hello { model } | Self::Resume { model, .. } => Some(model),
+            _ => None,
+        }
+    }
+}
+
+/// A walk through a client's trees, a bit a node.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Shape {
+    bits: Vec<u8>,
+    count: u64,
+}
+
+impl Shape {
+    /// The next node: true if it has children.
+    pub fn push(&mut self, has_children: bool) {
+        let at = (self.count % 8) as u32;
+        if at == 0 {
+            self.bits.push(0);
+        }
+        if let Some(last) = self.bits.last_mut() {
+            *last |= u8::from(has_children) << at;
+        }
+        self.count += 1;
+    }
+    /// Node after node.
+    pub fn iter(&self) -> impl Iterator<Item = bool> {
+        (0..self.count).map(|i| self.bits[(i / 8) as usize] >> (i % 8) & 1 == 1)
+    }
+}
+
+impl FromIterator<bool> for Shape {
+    fn from_iter<I: IntoIterator<Item = bool>>(nodes: I) -> Self {
+        let mut shape = Self::default();
+        nodes.into_iter().for_each(|n| shape.push(n));
+        shape
+    }
 }
 
 /// What a server says.
@@ -75,8 +120,10 @@ pub struct Base {
 /// Bytes of a request.
 pub fn request(request: &Request) -> Vec<u8> {
     let mut out = Vec::new();
+    // A name that is too long is cut, and will not be found.
     let name = |out: &mut Vec<u8>, model: &str| {
-        let bytes = &model.as_bytes()[..model.len().min(NAME_LIMIT)];
+        let end = (0..=model.len().min(NAME_LIMIT)).rev().find(|&n| model.is_char_boundary(n)).unwrap_or(0);
+        let bytes = &model.as_bytes()[..end];
         out.push(bytes.len() as u8);
         out.extend(bytes);
     };
@@ -93,9 +140,8 @@ pub fn request(request: &Request) -> Vec<u8> {
             out.push(VERSION);
             name(&mut out, model);
             out.extend(fingerprint.to_le_bytes());
-            out.extend((shape.len() as u64).to_le_bytes());
-            let byte = |bits: &[bool]| bits.iter().enumerate().fold(0u8, |b, (i, &bit)| b | u8::from(bit) << i);
-            out.extend(shape.chunks(8).map(byte));
+            out.extend(shape.count.to_le_bytes());
+            out.extend(&shape.bits);
         }
         Request::View(view) if view.is_everything() => out.push(4),
         Request::View(view) => {
@@ -131,8 +177,7 @@ pub fn read_request(bytes: &[u8]) -> Result<Request, ProtocolError> {
                 if count > NODE_LIMIT || count.div_ceil(8) != (bytes.len() - r.at) as u64 {
                     return r.error("a walk of another length than it says");
                 }
-                let bits = r.take(bytes.len() - r.at)?;
-                let shape = (0..count as usize).map(|i| bits[i / 8] >> (i % 8) & 1 == 1).collect();
+                let shape = Shape { bits: r.take(bytes.len() - r.at)?.to_vec(), count };
                 Request::Resume { model, fingerprint, shape }
             }
         }
@@ -215,6 +260,9 @@ fn read_base(r: &mut Reader) -> Result<Base, ProtocolError> {
     }
     let grid = Quantisation { position_bits: (bits > 0).then_some(bits), position_origin, position_step, ..Default::default() };
     let (vertices, triangles) = (u32::from_le_bytes(r.array()?), u32::from_le_bytes(r.array()?));
+    if total < u64::from(vertices) || total > TOTAL_LIMIT {
+        return r.error("a hierarchy of so many nodes");
+    }
     let width = index_width(vertices as usize);
     let left = (r.bytes.len() - r.at) as u64;
     if vertices.max(triangles) > BASE_LIMIT || u64::from(vertices) * 18 + u64::from(triangles) * 3 * width as u64 != left {

@@ -3,7 +3,7 @@
 use crate::error::ProtocolError;
 use crate::message::{self, Base};
 use pmesh_codec::pmesh::Quantisation;
-use pmesh_core::hierarchy::{NodeId, VertexHierarchy};
+use pmesh_core::hierarchy::{Bounds, NONE, Node, NodeId, VertexHierarchy};
 
 /// A hierarchy on a grid, ready to be served.
 #[derive(Clone, Debug)]
@@ -24,6 +24,16 @@ impl Model {
         };
         if nodes.clone().any(off) {
             return Err(ProtocolError::Unexpected("positions of the hierarchy are not on its grid"));
+        }
+        // What the messages can say, and clients believe.
+        let sayable = |n: &Node| {
+            let b = n.bounds;
+            let cone = b.sine < Bounds::NO_CONE || (b.sine == Bounds::NO_CONE && b.axis == [0; 2] && b.directional == 0);
+            let inner = !b.is_leaf() && b.radius % 2 == 1 && cone && n.cuts[0] != n.cuts[1];
+            if n.child == NONE { b.is_leaf() } else { inner }
+        };
+        if !hierarchy.nodes().iter().all(sayable) {
+            return Err(ProtocolError::Unexpected("a hierarchy with bounds or cuts that cannot be"));
         }
         // FNV-1a over all that a client will ever be told.
         let mut fingerprint = 0xcbf2_9ce4_8422_2325u64;

@@ -1,7 +1,7 @@
 //! One client at the server.
 
 use crate::error::ProtocolError;
-use crate::message::{Reply, Request, read_request, reply};
+use crate::message::{Reply, Request, Shape, read_request, reply};
 use crate::model::Model;
 use crate::splits::{Spent, SplitModels, write};
 use crate::tags::ActiveTags;
@@ -10,6 +10,9 @@ use std::sync::Arc;
 
 /// Nodes that are looked at before the next look at the budget.
 const STRIDE: usize = 256;
+
+/// Most splits that stand in each other's way, as clients have it.
+const FORCED_LIMIT: usize = 1024;
 
 /// What a session has done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -40,10 +43,15 @@ pub struct Session {
 }
 
 impl Session {
-    /// From a client's first message; `find` gives the model of a name. The first reply waits in [`Self::work`]. Errors: bytes that are none, a model that is not there or not that which
-    /// the client has. O(1), or O(what the client has).
+    /// From a client's first message; `find` gives the model of a name. Errors: bytes that are none, a model that is not there, and as [`Self::begin`].
     pub fn open(first: &[u8], find: impl FnOnce(&str) -> Option<Arc<Model>>) -> Result<Self, ProtocolError> {
-        let missing = ProtocolError::Unexpected("there is no model of that name");
+        let request = read_request(first)?;
+        let model = request.model().and_then(find).ok_or(ProtocolError::Unexpected("there is no model of that name"))?;
+        Self::begin(request, first.len(), model)
+    }
+    /// From a client's first message, of so many bytes, and the model that it names. The first reply waits in [`Self::work`]. Errors: no first message, a model that is not the one that the
+    /// client has. O(1), or O(what the client has).
+    pub fn begin(first: Request, bytes: usize, model: Arc<Model>) -> Result<Self, ProtocolError> {
         let begin = |model: Arc<Model>, tags, waiting| Self {
             model,
             tags,
@@ -51,18 +59,16 @@ impl Session {
             view: None,
             at: 0,
             found: false,
-            counts: Counts { bytes_up: first.len() as u64, ..Default::default() },
+            counts: Counts { bytes_up: bytes as u64, ..Default::default() },
             waiting,
         };
-        match read_request(first)? {
-            Request::Hello { model } => {
-                let model = find(&model).ok_or(missing)?;
+        match first {
+            Request::Hello { .. } => {
                 let tags = ActiveTags::new(model.hierarchy().root_count());
                 let base = model.base().to_vec();
                 Ok(begin(model, tags, base))
             }
-            Request::Resume { model, fingerprint, shape } => {
-                let model = find(&model).ok_or(missing)?;
+            Request::Resume { fingerprint, shape, .. } => {
                 if model.fingerprint() != fingerprint {
                     return Err(ProtocolError::OtherModel { expected: model.fingerprint(), found: fingerprint });
                 }
@@ -109,6 +115,7 @@ impl Session {
             let Some(&last) = look.last() else {
                 if !self.found {
                     self.view = None;
+                    self.waiting = reply(&Reply::Done);
                     break;
                 }
                 // What was forced lies behind.
@@ -128,15 +135,16 @@ impl Session {
                 {
                     // The children may lie before the end of what was listed.
                     self.at = self.at.min(node.child);
+                    let before = splits.len();
                     self.split(i, &mut splits);
-                    self.found = true;
+                    self.found |= splits.len() > before;
                 }
             }
         }
         self.counts.looked += u64::from(looked);
         self.counts.splits += splits.len() as u64;
         if splits.is_empty() {
-            return self.view.is_none().then(|| reply(&Reply::Done));
+            return self.view.is_none().then(|| std::mem::take(&mut self.waiting));
         }
         Some(reply(&Reply::Splits(&write(&mut self.models, &self.model, &self.tags, &splits))))
     }
@@ -150,7 +158,11 @@ impl Session {
             let active = |cut: u32| if cut == NONE { None } else { h.active_ancestor(cut, |n| self.tags.contains(n)) };
             match node.cuts.map(active) {
                 // A leaf cannot be both: no collapse has such cuts.
-                [Some(a), Some(b)] if a == b && h.nodes()[a as usize].child != NONE && !stack.contains(&a) => stack.push(a),
+                [Some(a), Some(b)]
+                    if a == b && h.nodes()[a as usize].child != NONE && stack.len() < FORCED_LIMIT && !stack.contains(&a) =>
+                {
+                    stack.push(a)
+                }
                 _ => {
                     stack.pop();
                     if self.tags.contains(s) && node.child != NONE {
@@ -185,7 +197,7 @@ impl Session {
 }
 
 /// The leaves of a client's trees, from its walk through them.
-fn leaves(model: &Model, shape: &[bool]) -> Result<ActiveTags, ProtocolError> {
+fn leaves(model: &Model, shape: &Shape) -> Result<ActiveTags, ProtocolError> {
     let h = model.hierarchy();
     let bad = ProtocolError::Unexpected("the client has nodes that are not there");
     let mut bits = shape.iter();
@@ -194,7 +206,7 @@ fn leaves(model: &Model, shape: &[bool]) -> Result<ActiveTags, ProtocolError> {
     for root in 0..h.root_count() {
         stack.push(root);
         while let Some(i) = stack.pop() {
-            let Some(&has_children) = bits.next() else { return Err(bad) };
+            let Some(has_children) = bits.next() else { return Err(bad) };
             let child = h.nodes()[i as usize].child;
             match (has_children, child) {
                 (false, _) => tags.insert(i),

@@ -194,6 +194,8 @@ pub fn split_of(model: &Model, i: u32) -> Split {
 
 struct Reading<'a> {
     front: &'a mut Front,
+    /// Nodes of the whole hierarchy.
+    total: u64,
     grid: &'a Quantisation,
 }
 
@@ -227,6 +229,9 @@ impl Side for Reading<'_> {
     }
     fn add(&mut self, _: u32, split: &Split) -> Result<u32, ProtocolError> {
         let child = self.front.known() as u32;
+        if u64::from(child) + 2 > self.total {
+            return Err(ProtocolError::Unexpected("more nodes than the base mesh announces"));
+        }
         self.front.learn(split)?;
         Ok(child)
     }
@@ -255,10 +260,15 @@ pub fn write(models: &mut SplitModels, model: &Model, tags: &ActiveTags, splits:
     coder.finish()
 }
 
-/// Reads a packet into what the client knows; gives how many splits it held. O(splits · depth). Errors: a packet that does not fit; the splits before the place stay.
-pub fn read(models: &mut SplitModels, front: &mut Front, grid: &Quantisation, bytes: &[u8]) -> Result<u32, ProtocolError> {
+/// Reads a packet into what the client knows, of a model on that grid with so many nodes in all; gives how many splits it held. O(splits · depth). Errors: a packet that does not fit; the splits before the place stay.
+pub fn read(
+    models: &mut SplitModels,
+    front: &mut Front,
+    (grid, total): (&Quantisation, u64),
+    bytes: &[u8],
+) -> Result<u32, ProtocolError> {
     let mut coder = RangeDecoder::new(bytes.to_vec());
-    walk(&mut coder, models, &mut Reading { front, grid }, 0)
+    walk(&mut coder, models, &mut Reading { front, total, grid }, 0)
 }
 
 fn syntax<T>(coder: &impl Coder, what: &'static str) -> Result<T, ProtocolError> {

@@ -225,7 +225,7 @@ fn g25_messages_that_are_none_end_the_session_and_nothing_else() {
         let mut resume = message::request(&Request::Resume {
             model: "part".into(),
             fingerprint: model.fingerprint(),
-            shape: vec![true; bits],
+            shape: (0..bits).map(|_| true).collect(),
         });
         let at = resume.len() - bits.div_ceil(8) - 8;
         resume[at..at + 8].copy_from_slice(&count.to_le_bytes());
@@ -234,7 +234,8 @@ fn g25_messages_that_are_none_end_the_session_and_nothing_else() {
     assert!(shape(100_000, 100_000).is_err());
     assert!(shape(8, u64::MAX).is_err());
     assert!(shape(0, 0).is_err());
-    let other = message::request(&Request::Resume { model: "part".into(), fingerprint: 7, shape: vec![false; 60] });
+    let other =
+        message::request(&Request::Resume { model: "part".into(), fingerprint: 7, shape: (0..60).map(|_| false).collect() });
     assert!(Session::open(&other, find).is_err());
 }
 

@@ -73,6 +73,9 @@ pub struct Front {
     stack: Vec<u32>,
 }
 
+/// Most splits that stand in each other's way. Real ones are a few.
+const FORCED_LIMIT: usize = 1024;
+
 /// Stands for a cut that is not there.
 const NO_CUT: NodeId = NodeId { tree: 0, node: 0 };
 
@@ -240,8 +243,10 @@ impl Front {
                     stack.pop();
                     done += 1;
                 }
-                // A way that comes back to itself is no hierarchy of a manifold.
-                Ok(Some(first)) if stack.contains(&first) => break Err(HierarchyError::NotAdjacent { id: self.id(s) }),
+                // A way that comes back to itself, or does not end, is no hierarchy of a manifold.
+                Ok(Some(first)) if stack.len() >= FORCED_LIMIT || stack.contains(&first) => {
+                    break Err(HierarchyError::NotAdjacent { id: self.id(s) });
+                }
                 Ok(Some(first)) => stack.push(first),
                 Err(e) => break Err(e),
             }

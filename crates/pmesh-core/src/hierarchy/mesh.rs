@@ -14,6 +14,9 @@ pub struct FrontMesh {
     other: Ring,
 }
 
+/// Largest product of two rings that are compared: what is larger stays split.
+const RINGS_LIMIT: usize = 1 << 18;
+
 /// A fan: corners at its apex and the vertices about it, counter-clockwise.
 #[derive(Clone, Debug, Default)]
 struct Ring {
@@ -127,10 +130,16 @@ impl FrontMesh {
             return false;
         }
         let Self { own, other, .. } = self;
-        own.gather(s, s.corner_of[blue as usize]);
-        other.gather(s, s.corner_of[red as usize]);
+        // The fans that have these triangles: a vertex of the base may have more.
+        let corner = |v: u32| (3 * pairs[0]..3 * pairs[0] + 3).find(|&c| s.vertex(c) == v).unwrap_or(NONE);
+        own.gather(s, corner(blue));
+        other.gather(s, corner(red));
         let two = pairs.len() == 2;
-        if own.closed != two || (!two && other.closed) {
+        let has_all = |r: &Ring| pairs.iter().all(|&t| r.corners.iter().any(|c| c / 3 == t));
+        if own.closed != two || (!two && other.closed) || !has_all(own) || !has_all(other) {
+            return false;
+        }
+        if own.corners.len().saturating_mul(other.corners.len()) > RINGS_LIMIT {
             return false;
         }
         let is_third = |v: u32| thirds.iter().any(|&c| s.vertex(c) == v);

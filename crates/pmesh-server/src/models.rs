@@ -1,0 +1,77 @@
+//! Models by name, prepared when they are first asked for.
+
+use crate::Config;
+use pmesh_build::compact::take_apart;
+use pmesh_build::hierarchy::hierarchy;
+use pmesh_build::simplify::BatchOptions;
+use pmesh_codec::Receiver;
+use pmesh_codec::pmesh::{Quantisation, quantise};
+use pmesh_core::{IndexedMesh, Vertices};
+use pmesh_view::Model;
+use std::collections::HashMap;
+use std::path::{Component, Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+use tokio::sync::{OnceCell, Semaphore};
+
+type Slot = Arc<OnceCell<Result<Arc<Model>, String>>>;
+
+pub(crate) struct Models {
+    folder: PathBuf,
+    bits: u8,
+    slots: Mutex<HashMap<PathBuf, Slot>>,
+    /// One at a time: preparing takes a processor, and memory.
+    turn: Semaphore,
+}
+
+impl Models {
+    pub(crate) fn new(config: &Config) -> Self {
+        Self { folder: config.folder.clone(), bits: config.bits, slots: Mutex::default(), turn: Semaphore::new(1) }
+    }
+
+    /// The model of that name: a file of the folder, `.pmesh` added where it lacks that. Errors: in words for the client.
+    pub(crate) async fn get(&self, name: &str) -> Result<Arc<Model>, String> {
+        let path = self.path(name).ok_or_else(|| format!("there is no model {name:?} here"))?;
+        let slot = {
+            let mut slots = self.slots.lock().unwrap_or_else(PoisonError::into_inner);
+            slots.entry(path.clone()).or_default().clone()
+        };
+        let prepare = || async {
+            let _turn = self.turn.acquire().await;
+            let (file, bits) = (path.clone(), self.bits);
+            let model = tokio::task::spawn_blocking(move || prepare(&file, bits)).await;
+            let model = model.unwrap_or_else(|e| Err(format!("the model could not be prepared: {e}")));
+            match &model {
+                Ok(m) => tracing::info!(path = %path.display(), nodes = m.hierarchy().nodes().len(), "a model is ready"),
+                Err(error) => tracing::warn!(path = %path.display(), error, "a model is none"),
+            }
+            model
+        };
+        slot.get_or_init(prepare).await.clone()
+    }
+
+    /// The file of a name that stays within the folder, if there is one.
+    fn path(&self, name: &str) -> Option<PathBuf> {
+        let name = Path::new(name.trim_start_matches('/'));
+        if name.as_os_str().is_empty() || !name.components().all(|c| matches!(c, Component::Normal(_))) {
+            return None;
+        }
+        let is_pmesh = name.extension().is_some_and(|e| e == "pmesh");
+        let path = self.folder.join(if is_pmesh { name.into() } else { PathBuf::from(format!("{}.pmesh", name.display())) });
+        path.is_file().then_some(path)
+    }
+}
+
+/// The hierarchy of a `.pmesh`: its finest mesh, positions only, on the grid of `bits`, taken apart for views. Seconds for a million triangles.
+fn prepare(path: &Path, bits: u8) -> Result<Arc<Model>, String> {
+    let bytes = std::fs::read(path).map_err(|e| format!("the model cannot be read: {e}"))?;
+    let mut receiver = Receiver::default();
+    receiver.push(&bytes).and_then(|()| receiver.finish()).map_err(|e| format!("the model is damaged: {e}"))?;
+    let finest = receiver.into_mesh().finest_mesh();
+    let vertices = Vertices { positions: finest.vertices.positions, ..Default::default() };
+    let mesh = IndexedMesh { vertices, triangles: finest.triangles, ..Default::default() };
+    let grid = Quantisation::fit(&mesh.vertices, Some(bits));
+    let mesh = quantise(&mesh, Some(bits));
+    let stream = take_apart(mesh.clone(), Some(bits), BatchOptions::default(), |_| ()).map_err(|e| e.to_string())?;
+    let hierarchy = hierarchy(&mesh, &stream).map_err(|e| e.to_string())?;
+    Model::new(hierarchy, grid).map(Arc::new).map_err(|e| e.to_string())
+}
