@@ -32,7 +32,7 @@ fn dependencies_point_one_way() {
         ("crates/pmesh-build/Cargo.toml", &["pmesh-core", "pmesh-codec"]),
         ("crates/pmesh-view/Cargo.toml", &["pmesh-core", "pmesh-codec"]),
         ("crates/pmesh-server/Cargo.toml", &["pmesh-core", "pmesh-codec", "pmesh-build", "pmesh-view"]),
-        ("crates/pmesh-cli/Cargo.toml", &["pmesh-core", "pmesh-codec", "pmesh-build", "pmesh-server"]),
+        ("crates/pmesh-cli/Cargo.toml", &["pmesh-core", "pmesh-codec", "pmesh-build", "pmesh-server", "pmesh-view"]),
         ("crates/pmesh-encoder/Cargo.toml", &["pmesh-codec", "pmesh-build"]),
         ("Cargo.toml", &["pmesh-core", "pmesh-codec"]),
     ];

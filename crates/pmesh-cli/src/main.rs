@@ -7,6 +7,7 @@ mod encode;
 mod error;
 mod info;
 mod input;
+mod look;
 mod output;
 mod progress;
 mod sample;
@@ -41,6 +42,7 @@ enum Command {
     CompareSlod(compare_slod::Args),
     Sample(sample::Args),
     Serve(serve::Args),
+    Look(look::Args),
 }
 
 fn main() -> ExitCode {
@@ -52,6 +54,7 @@ fn main() -> ExitCode {
         Command::Compare(args) => compare::run(&args),
         Command::CompareSlod(args) => compare_slod::run(&args),
         Command::Sample(args) => sample::run(&args, cli.quiet),
+        Command::Look(args) => look::run(&args, cli.quiet),
         Command::Serve(args) => serve::run(args, cli.quiet),
     };
     match result {
