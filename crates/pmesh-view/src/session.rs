@@ -35,9 +35,9 @@ pub struct Session {
     models: Box<SplitModels>,
     /// The view that is worked on.
     view: Option<View>,
-    /// Where the look through the front is, and whether it has found anything since it began.
+    /// Where the look through the front is, and where it must go back to: children that came behind it.
     at: u32,
-    found: bool,
+    again: u32,
     counts: Counts,
     waiting: Vec<u8>,
 }
@@ -58,7 +58,7 @@ impl Session {
             models: Box::default(),
             view: None,
             at: 0,
-            found: false,
+            again: NONE,
             counts: Counts { bytes_up: bytes as u64, ..Default::default() },
             waiting,
         };
@@ -84,7 +84,7 @@ impl Session {
         self.counts.bytes_up += bytes.len() as u64;
         match read_request(bytes)? {
             Request::View(view) => {
-                (self.view, self.at, self.found) = (Some(*view), 0, false);
+                (self.view, self.at, self.again) = (Some(*view), 0, NONE);
                 Ok(true)
             }
             Request::Bye => Ok(false),
@@ -113,19 +113,18 @@ impl Session {
             look.clear();
             self.tags.list(self.at, STRIDE, &mut look);
             let Some(&last) = look.last() else {
-                if !self.found {
+                if self.again == NONE {
                     self.view = None;
                     self.waiting = reply(&Reply::Done);
                     break;
                 }
-                // What was forced lies behind.
-                (self.at, self.found) = (0, false);
+                (self.at, self.again) = (self.again, NONE);
                 continue;
             };
             self.at = last + 1;
             for &i in &look {
                 if (splits.len() as u32) >= most {
-                    self.at = i;
+                    self.at = self.at.min(i);
                     break;
                 }
                 looked += 1;
@@ -137,7 +136,10 @@ impl Session {
                     self.at = self.at.min(node.child);
                     let before = splits.len();
                     self.split(i, &mut splits);
-                    self.found |= splits.len() > before;
+                    // What was forced may have children behind.
+                    let forced =
+                        splits[before..].iter().filter(|&&s| s != i).map(|&s| self.model.hierarchy().nodes()[s as usize].child);
+                    self.again = forced.min().filter(|&c| c < self.at).map_or(self.again, |c| c.min(self.again));
                 }
             }
         }

@@ -4,6 +4,18 @@
 const STEPS_AN_OCTAVE: u32 = 4;
 /// 2^(k / 4), written out: the same on every platform.
 const ROOTS: [f64; STEPS_AN_OCTAVE as usize] = [1.0, 1.189_207_115_002_721, std::f64::consts::SQRT_2, 1.681_792_830_507_429];
+/// The lengths of all codes, in units.
+static LENGTHS: [f64; 256] = {
+    let mut all = [0.0; 256];
+    let mut code = 1;
+    while code < 256 {
+        let below = 255 - code as u32;
+        let octaves = below.div_ceil(STEPS_AN_OCTAVE);
+        all[code] = ROOTS[(octaves * STEPS_AN_OCTAVE - below) as usize] / (1u128 << octaves) as f64;
+        code += 1;
+    }
+    all
+};
 /// Steps of an axis's coordinate from 0 to 1.
 const AXIS_STEPS: f64 = 31.0;
 
@@ -46,14 +58,9 @@ impl Bounds {
         low
     }
     /// The length of a code.
+    #[inline]
     pub fn length(code: u8, unit: f64) -> f64 {
-        if code == 0 {
-            return 0.0;
-        }
-        let below = u32::from(255 - code);
-        let (octaves, rest) = (below.div_ceil(STEPS_AN_OCTAVE), (STEPS_AN_OCTAVE - below % STEPS_AN_OCTAVE) % STEPS_AN_OCTAVE);
-        let near = octaves.min(62);
-        unit * ROOTS[rest as usize] / (1u64 << near) as f64 / (1u128 << (octaves - near)) as f64
+        unit * LENGTHS[code as usize]
     }
     /// The axis as a unit vector.
     pub fn direction(&self) -> [f64; 3] {

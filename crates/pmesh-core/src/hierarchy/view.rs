@@ -108,18 +108,26 @@ impl View {
             return true;
         }
         let p = position.map(f64::from);
+        let from_eye = [p[0] - self.eye[0], p[1] - self.eye[1], p[2] - self.eye[2]];
+        let squared = dot(from_eye, from_eye);
         let radius = Bounds::length(bounds.radius, unit);
+        // Among what the node stands for.
+        let is_inside = squared <= radius * radius;
+        let uniform = Bounds::length(bounds.uniform, unit);
+        let directional = Bounds::length(bounds.directional, unit);
+        let shows = uniform * uniform >= self.error * squared;
+        // Most nodes of a front are fine enough, whichever way they face: that is looked at first.
+        let may_show = shows || directional * directional >= self.error * squared;
+        if !is_inside && !may_show {
+            return false;
+        }
         if self.planes.iter().any(|n| n[0] * p[0] + n[1] * p[1] + n[2] * p[2] + n[3] < -radius) {
             return false;
         }
-        let from_eye = [p[0] - self.eye[0], p[1] - self.eye[1], p[2] - self.eye[2]];
-        let squared = dot(from_eye, from_eye);
-        if squared <= radius * radius {
-            // Among what the node stands for.
+        if is_inside {
             return true;
         }
-        let axis = bounds.direction();
-        let along = dot(from_eye, axis);
+        let along = dot(from_eye, bounds.direction());
         if bounds.sine < Bounds::NO_CONE && along > 0.0 {
             // Every triangle of the ball must be turned away, wherever in it.
             let sine = f64::from(bounds.sine) / f64::from(Bounds::NO_CONE);
@@ -127,10 +135,8 @@ impl View {
                 return false;
             }
         }
-        let uniform = Bounds::length(bounds.uniform, unit);
-        let directional = Bounds::length(bounds.directional, unit);
         let aside = (squared - along * along).max(0.0);
-        uniform * uniform >= self.error * squared || directional * directional * aside >= self.error * squared * squared
+        shows || directional * directional * aside >= self.error * squared * squared
     }
 }
 
