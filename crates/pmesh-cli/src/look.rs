@@ -3,13 +3,14 @@
 use crate::error::{CliError, Result};
 use crate::output;
 use clap::Parser;
-use pmesh_core::hierarchy::View;
+use pmesh_core::hierarchy::{View, ViewError};
 use pmesh_core::{IndexedMesh, Vertices};
-use pmesh_view::Client;
+use pmesh_view::{Client, ProtocolError};
 use std::net::TcpStream;
 use std::path::PathBuf;
 use std::time::Duration;
-use tungstenite::Message;
+use thiserror::Error;
+use tungstenite::{HandshakeError, Message, WebSocket};
 
 /// Get what a camera sees of a model from `pmesh serve`, and write it: fine where it looks, coarse elsewhere.
 ///
@@ -42,6 +43,12 @@ pub struct Args {
     /// Error allowed, pixels of a picture 1,000 high
     #[arg(long, default_value_t = 1.0)]
     pixels: f32,
+    /// Seconds after which a silent server is given up
+    #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..))]
+    timeout: u32,
+    /// How often to connect again if the server goes away in the middle
+    #[arg(long, default_value_t = 5)]
+    retries: u32,
     /// Everything, whatever is seen
     #[arg(long, conflicts_with = "eye")]
     all: bool,
@@ -54,7 +61,10 @@ fn point(text: &str) -> std::result::Result<[f32; 3], String> {
 
 pub fn run(args: &Args, quiet: bool) -> Result<()> {
     let failed = |e: &dyn std::fmt::Display| CliError::Other(format!("{}: {e}", args.url));
-    let bad = || CliError::Usage(format!("{}: a server's address is ws://HOST:PORT/NAME", args.url));
+    let bad = || CliError::Usage(format!("{}: a server's address is ws://HOST:PORT/NAME (wss:// is not spoken here)", args.url));
+    if !args.output.extension().is_some_and(|e| e == "ply" || e == "obj") {
+        return Err(CliError::Usage(format!("{}: write .ply or .obj", args.output.display())));
+    }
     let (host, name) =
         args.url.strip_prefix("ws://").and_then(|u| u.split_once('/')).filter(|u| !u.1.is_empty()).ok_or_else(bad)?;
     let mut views = Vec::new();
@@ -62,7 +72,10 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
         let at = args.at[i.min(args.at.len() - 1)];
         let tangent = (args.angle.to_radians() / 2.0).tan();
         let view = View::look_at(eye, at, args.up, [tangent, args.aspect, args.pixels / 1000.0]);
-        views.push(view.map_err(|e| CliError::Usage(format!("{e} (is --eye at --at, or --up along the look?)")))?);
+        views.push(view.map_err(|e| match e {
+            ViewError::BadMatrix => CliError::Usage("no such view: --eye is at --at, or --up along the look".into()),
+            e => CliError::Usage(e.to_string()),
+        })?);
     }
     if args.all {
         views.push(View::everything());
@@ -70,25 +83,27 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
     if views.is_empty() {
         return Err(CliError::Usage("from where? --eye x,y,z, or --all".into()));
     }
-    let address = if host.contains(':') { host.to_string() } else { format!("{host}:80") };
-    let stream = TcpStream::connect(&address).map_err(|e| failed(&e))?;
-    stream.set_read_timeout(Some(Duration::from_secs(120))).map_err(|e| failed(&e))?;
-    let (mut socket, _) = tungstenite::client(&args.url, stream).map_err(|e| failed(&e))?;
     let mut client = Client::new(name);
+    let mut connection = connect(args, host)?;
+    let mut lost = 0;
     for view in &views {
         let before = (client.splits(), client.bytes());
-        loop {
-            let progress = client.refine(view, u32::MAX).map_err(|e| failed(&e))?;
-            while let Some(message) = client.poll() {
-                socket.send(Message::Binary(message.into())).map_err(|e| failed(&e))?;
+        while let Err(e) = settle(&mut client, &mut connection, view) {
+            // What is here is kept; this server, or another behind the same address, goes on from there.
+            let gone = matches!(e, Lost::Connection(_) | Lost::Protocol(ProtocolError::Closed(_)));
+            if !gone || client.total() == 0 || lost >= args.retries {
+                return Err(failed(&e));
             }
-            if client.is_waiting() {
-                if let Message::Binary(bytes) = socket.read().map_err(|e| failed(&e))? {
-                    client.receive(&bytes).map_err(|e| failed(&e))?;
-                }
-            } else if progress.splits + progress.collapses == 0 {
-                break;
+            lost += 1;
+            eprintln!("warning: {}: {e}; connecting again", args.url);
+            std::thread::sleep(Duration::from_secs(1));
+            let again = connect(args, host);
+            match again {
+                Ok(c) => connection = c,
+                Err(e) if lost >= args.retries => return Err(e),
+                Err(_) => {}
             }
+            client.reconnect();
         }
         if !quiet {
             let (up, down) = client.bytes();
@@ -106,10 +121,52 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
     client.close();
     // Both may fail: all is here.
     if let Some(message) = client.poll() {
-        let _ = socket.send(Message::Binary(message.into()));
+        let _ = connection.send(Message::Binary(message.into()));
     }
-    let _ = socket.close(None);
+    let _ = connection.close(None);
     output::write(&args.output, &shown(&client))
+}
+
+/// Why a view did not get all that it needs.
+#[derive(Debug, Error)]
+enum Lost {
+    #[error("{0}")]
+    Connection(#[from] tungstenite::Error),
+    #[error(transparent)]
+    Protocol(#[from] ProtocolError),
+}
+
+fn connect(args: &Args, host: &str) -> Result<WebSocket<TcpStream>> {
+    let failed = |e: &dyn std::fmt::Display| CliError::Other(format!("{}: {e}", args.url));
+    let address = if host.contains(':') { host.to_string() } else { format!("{host}:80") };
+    let stream = TcpStream::connect(&address).map_err(|e| failed(&e))?;
+    stream.set_read_timeout(Some(Duration::from_secs(args.timeout.into()))).map_err(|e| failed(&e))?;
+    match tungstenite::client(format!("ws://{host}/"), stream) {
+        Ok((socket, _)) => Ok(socket),
+        // The server says why.
+        Err(HandshakeError::Failure(tungstenite::Error::Http(answer))) => {
+            let body = answer.body().as_deref().map(String::from_utf8_lossy).unwrap_or_default();
+            Err(failed(&format!("{} {}", answer.status(), body.trim())))
+        }
+        Err(e) => Err(failed(&e)),
+    }
+}
+
+/// Asks and refines until the view has all that it needs.
+fn settle(client: &mut Client, socket: &mut WebSocket<TcpStream>, view: &View) -> std::result::Result<(), Lost> {
+    loop {
+        let progress = client.refine(view, u32::MAX)?;
+        while let Some(message) = client.poll() {
+            socket.send(Message::Binary(message.into()))?;
+        }
+        if client.is_waiting() {
+            if let Message::Binary(bytes) = socket.read()? {
+                client.receive(&bytes)?;
+            }
+        } else if progress.splits + progress.collapses == 0 {
+            return Ok(());
+        }
+    }
 }
 
 /// The front's triangles, and the vertices that these use.

@@ -3,6 +3,7 @@
 use crate::error::{CliError, Result};
 use clap::Parser;
 use pmesh_server::Config;
+use std::io::IsTerminal;
 use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -12,7 +13,7 @@ use tracing_subscriber::EnvFilter;
 /// Serve a folder: files, with ranges, and view-dependent streams of the .pmesh files in it over WebSockets.
 ///
 /// Any web server will do for <p-mesh src="model.pmesh">. This one also speaks the protocol of docs/PROTOCOL.md on any path, for programs that follow a view: the client gets what it looks
-/// at, each piece once (positions only). /metrics is for Prometheus, /health for a load balancer. Servers share nothing: put any number of them behind one, with the same folder.
+/// at, each piece once: positions only, rounded to --bits, vertices of no triangle left out. The first client of a model waits until it is prepared, seconds for a million triangles; one that changes is prepared anew. Hidden files (.name) are not served, what links lead to is. /metrics is for Prometheus, /health for a load balancer. Servers share nothing: put any number of them behind one, with the same folder.
 #[derive(Parser)]
 #[command(
     after_help = "Examples:\n  pmesh serve models                            http://127.0.0.1:8080\n  pmesh serve models --address 0.0.0.0 --port 80 --origin https://example.org\n  pmesh serve models --rate 250000              as a link of 2 Mbit/s\n\nCtrl+C, or SIGTERM, closes: sessions are told to connect again, which they may do elsewhere."
@@ -26,7 +27,7 @@ pub struct Args {
     /// Port; 0 takes any free one, which is printed
     #[arg(long, default_value_t = 8080)]
     port: u16,
-    /// Bits a coordinate for views
+    /// Bits a coordinate for views, 8 to 16; files are served as they are
     #[arg(long, default_value_t = 12, value_parser = clap::value_parser!(u8).range(8..=16))]
     bits: u8,
     /// Most sessions at a time
@@ -51,11 +52,15 @@ pub struct Args {
 
 pub fn run(args: Args, quiet: bool) -> Result<()> {
     if !args.folder.is_dir() {
-        return Err(CliError::Usage(format!("{}: there is no such folder", args.folder.display())));
+        return Err(CliError::Usage(format!(
+            "{}: there is no such folder; name the folder that the models are in",
+            args.folder.display()
+        )));
     }
     let level = if quiet { "warn" } else { "info" };
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
-    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
+    let log =
+        tracing_subscriber::fmt().with_env_filter(filter).with_ansi(std::io::stderr().is_terminal()).with_writer(std::io::stderr);
     if args.json_log {
         log.json().init()
     } else {
@@ -73,7 +78,13 @@ pub fn run(args: Args, quiet: bool) -> Result<()> {
     let failed = |e: std::io::Error| CliError::Other(format!("{}:{}: {e}", args.address, args.port));
     let runtime = tokio::runtime::Runtime::new().map_err(failed)?;
     runtime.block_on(async {
-        let listener = TcpListener::bind(SocketAddr::new(args.address, args.port)).await.map_err(failed)?;
+        let taken = |e: std::io::Error| match e.kind() {
+            std::io::ErrorKind::AddrInUse => {
+                CliError::Other(format!("{}:{}: something listens there already; --port names another", args.address, args.port))
+            }
+            _ => failed(e),
+        };
+        let listener = TcpListener::bind(SocketAddr::new(args.address, args.port)).await.map_err(taken)?;
         println!("http://{}", listener.local_addr().map_err(failed)?);
         pmesh_server::serve(config, listener, stop()).await.map_err(failed)
     })

@@ -18,7 +18,13 @@ struct Server {
 impl Server {
     fn start(folder: &Path, args: &[&str]) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_pmesh"));
-        command.arg("serve").arg(folder).args(["--port", "0", "--quiet"]).args(args).stdout(Stdio::piped()).stderr(Stdio::null());
+        command
+            .arg("serve")
+            .arg(folder)
+            .args(if args.contains(&"--port") { &["--quiet"][..] } else { &["--quiet", "--port", "0"] })
+            .args(args)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null());
         let mut process = command.spawn().expect("it starts");
         let mut line = String::new();
         BufReader::new(process.stdout.take().expect("its output")).read_line(&mut line).expect("a line");
@@ -137,6 +143,7 @@ fn a_client_whose_servers_are_killed_goes_on_at_the_next() {
 #[test]
 fn files_come_in_parts_and_sessions_only_to_who_may() {
     let folder = folder("serve-files");
+    std::fs::write(folder.join(".hidden"), b"secret").expect("it can be written");
     let server = Server::start(&folder, &["--sessions", "1", "--message", "2048"]);
     let head = |answer: &str| answer.lines().next().unwrap_or_default().to_string();
     let whole = server.get("/part.pmesh", "");
@@ -145,7 +152,19 @@ fn files_come_in_parts_and_sessions_only_to_who_may() {
     let part = server.get("/part.pmesh", "Range: bytes=10-19\r\n");
     assert!(head(&part).contains("206") && part.to_lowercase().contains("content-range: bytes 10-19/"), "{}", head(&part));
     assert!(head(&server.get("/health", "")).contains("200"));
-    assert!(head(&server.get("/../Cargo.toml", "")).contains("404"));
+    for none in ["/../Cargo.toml", "/nothing", "/", "/.hidden"] {
+        assert!(head(&server.get(none, "")).contains("404"), "{none}");
+    }
+    let field = |answer: &str, name: &str| {
+        let line = answer.lines().find(|l| l.to_lowercase().starts_with(name)).expect("the field");
+        line.split_once(':').expect("a value").1.trim().to_string()
+    };
+    // A download that goes on gets the rest of what it had, or the whole of what is there now.
+    let same = server.get("/part.pmesh", &format!("Range: bytes=10-19\r\nIf-Range: {}\r\n", field(&whole, "last-modified")));
+    assert!(head(&same).contains("206"), "{}", head(&same));
+    let other = server.get("/part.pmesh", "Range: bytes=10-19\r\nIf-Range: \"other\"\r\n");
+    assert!(head(&other).contains("200"), "{}", head(&other));
+    assert!(!server.get("/health", "").to_lowercase().contains("cache-control"));
     let upgrade = "Upgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
     let ask = |more: &str| {
         let mut stream = TcpStream::connect(&server.host).expect("it listens");
@@ -188,4 +207,46 @@ fn a_model_that_is_not_there_or_damaged_is_said_so() {
         let error = client.receive(&reply).expect_err("it is none").to_string();
         assert!(error.contains(says), "{name}: {error}");
     }
+    // One that is mended is there.
+    std::fs::copy(folder.join("part.pmesh"), folder.join("broken.pmesh")).expect("it can be written");
+    assert!(settle(&mut Client::new("broken"), &mut server.connect(), &near(), |_| {}));
+}
+
+#[test]
+fn look_writes_what_is_seen_and_goes_on_after_a_break() {
+    let folder = folder("serve-look");
+    let mut server = Server::start(&folder, &["--rate", "15000"]);
+    let port = server.host.rsplit(':').next().expect("a port").to_string();
+    let look = |more: &[&str], host: &str, out: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_pmesh"));
+        command
+            .arg("look")
+            .arg(format!("ws://{host}/part"))
+            .args(more)
+            .arg("-o")
+            .arg(folder.join(out))
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
+        command.spawn().expect("it starts")
+    };
+    let whole = look(&["--all"], &server.host, "whole.ply").wait_with_output().expect("it ends");
+    assert!(whole.status.success());
+    let text = String::from_utf8_lossy(&whole.stdout).into_owned();
+    let count =
+        |text: &str| text.split_once(" triangles").and_then(|t| t.0.rsplit(' ').next()?.parse::<u32>().ok()).expect("a count");
+    assert!(count(&text) > 10_000, "{text}");
+    let near = look(&["--eye", "0,0,3"], &server.host, "near.ply").wait_with_output().expect("it ends");
+    assert!(count(&String::from_utf8_lossy(&near.stdout)) < count(&text));
+    let cut = look(&["--all", "--retries", "60"], &server.host, "again.ply");
+    std::thread::sleep(Duration::from_millis(1500));
+    server.kill();
+    let _next = Server::start(&folder, &["--port", &port]);
+    let again = cut.wait_with_output().expect("it ends");
+    assert!(again.status.success(), "{}", String::from_utf8_lossy(&again.stderr));
+    assert!(String::from_utf8_lossy(&again.stderr).contains("connecting again"));
+    let read = |name: &str| std::fs::read(folder.join(name)).expect("a mesh").len();
+    assert_eq!(read("again.ply"), read("whole.ply"));
+    let nobody = look(&["--all"], "127.0.0.1:1", "none.ply").wait_with_output().expect("it ends");
+    assert_eq!(nobody.status.code(), Some(1));
+    assert!(!folder.join("none.ply").exists());
 }

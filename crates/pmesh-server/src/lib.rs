@@ -24,7 +24,6 @@ use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, watch};
 use tower_http::services::ServeDir;
-use tower_http::set_header::SetResponseHeaderLayer;
 
 /// What to serve, and how much of it.
 #[derive(Clone, Debug)]
@@ -71,15 +70,11 @@ pub async fn serve(
     });
     let places = shared.places.clone();
     let all = u32::try_from(shared.config.sessions).unwrap_or(u32::MAX);
-    let set = |name, value| SetResponseHeaderLayer::if_not_present(name, HeaderValue::from_static(value));
     let app = Router::new()
         .route("/health", get(|| async { "well\n" }))
         .route("/metrics", get(|State(s): State<Arc<Shared>>| async move { s.metrics.text() }))
         .fallback(anything)
-        .with_state(shared)
-        .layer(set(header::CACHE_CONTROL, "public, max-age=60, stale-while-revalidate=3600"))
-        .layer(set(header::ACCESS_CONTROL_ALLOW_ORIGIN, "*"))
-        .layer(set(header::ACCESS_CONTROL_EXPOSE_HEADERS, "content-length, content-range"));
+        .with_state(shared);
     let stopped = async move {
         stop.await;
         tracing::info!("closing");
@@ -115,10 +110,47 @@ async fn anything(
     })
 }
 
-async fn file(shared: &Shared, request: Request<Body>) -> Response {
-    match shared.files.clone().try_call(request).await {
-        Ok(response) => response.map(Body::new),
-        Err(e) => (StatusCode::INTERNAL_SERVER_ERROR, format!("the file cannot be read: {e}\n")).into_response(),
+async fn file(shared: &Shared, mut request: Request<Body>) -> Response {
+    let none = || (StatusCode::NOT_FOUND, "there is no such file here\n").into_response();
+    if request.uri().path().split('/').any(|part| part.starts_with('.') || part.starts_with("%2e") || part.starts_with("%2E")) {
+        return none();
+    }
+    let mut files = shared.files.clone();
+    // A part of what has changed since is no use: then the whole comes.
+    if let Some(known) = request.headers_mut().remove(header::IF_RANGE) {
+        let mut ask = Request::head(request.uri().clone());
+        if let Some(headers) = ask.headers_mut() {
+            headers.insert(header::ACCEPT, HeaderValue::from_static("*/*"));
+        }
+        let now = match ask.body(Body::empty()) {
+            Ok(head) => files.try_call(head).await.ok(),
+            Err(_) => None,
+        };
+        let is = |name| now.as_ref().and_then(|n| n.headers().get(name)) == Some(&known);
+        if !is(header::ETAG) && !is(header::LAST_MODIFIED) {
+            request.headers_mut().remove(header::RANGE);
+        }
+    }
+    match files.try_call(request).await {
+        Ok(response) => {
+            let mut response = response.map(Body::new);
+            let whole_or_part = response.status().is_success() || response.status() == StatusCode::NOT_MODIFIED;
+            let mut set = |name, value| response.headers_mut().insert(name, HeaderValue::from_static(value));
+            // Pages elsewhere may show what is here, and go on where they stopped.
+            set(header::ACCESS_CONTROL_ALLOW_ORIGIN, "*");
+            set(header::ACCESS_CONTROL_EXPOSE_HEADERS, "content-length, content-range");
+            if whole_or_part {
+                set(header::CACHE_CONTROL, "public, max-age=60, stale-while-revalidate=3600");
+            }
+            response
+        }
+        Err(e) => {
+            tracing::debug!(%e, "a file is not read");
+            match e.kind() {
+                std::io::ErrorKind::NotFound | std::io::ErrorKind::PermissionDenied | std::io::ErrorKind::NotADirectory => none(),
+                _ => (StatusCode::INTERNAL_SERVER_ERROR, format!("the file cannot be read: {e}\n")).into_response(),
+            }
+        }
     }
 }
 

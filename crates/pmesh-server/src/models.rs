@@ -11,14 +11,17 @@ use pmesh_view::Model;
 use std::collections::HashMap;
 use std::path::{Component, Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::SystemTime;
 use tokio::sync::{OnceCell, Semaphore};
 
 type Slot = Arc<OnceCell<Result<Arc<Model>, String>>>;
+/// When a file was written, and how long it is: one that changes is prepared anew.
+type Stamp = (Option<SystemTime>, u64);
 
 pub(crate) struct Models {
     folder: PathBuf,
     bits: u8,
-    slots: Mutex<HashMap<PathBuf, Slot>>,
+    slots: Mutex<HashMap<PathBuf, (Stamp, Slot)>>,
     /// One at a time: preparing takes a processor, and memory.
     turn: Semaphore,
 }
@@ -31,9 +34,15 @@ impl Models {
     /// The model of that name: a file of the folder, `.pmesh` added where it lacks that. Errors: in words for the client.
     pub(crate) async fn get(&self, name: &str) -> Result<Arc<Model>, String> {
         let path = self.path(name).ok_or_else(|| format!("there is no model {name:?} here"))?;
+        let stamp = std::fs::metadata(&path).map_or((None, 0), |m| (m.modified().ok(), m.len()));
         let slot = {
             let mut slots = self.slots.lock().unwrap_or_else(PoisonError::into_inner);
-            slots.entry(path.clone()).or_default().clone()
+            let slot = slots.entry(path.clone()).or_default();
+            if slot.0 != stamp {
+                // Sessions that have the old one keep it.
+                *slot = (stamp, Slot::default());
+            }
+            slot.1.clone()
         };
         let prepare = || async {
             let _turn = self.turn.acquire().await;
@@ -42,7 +51,7 @@ impl Models {
             let model = model.unwrap_or_else(|e| Err(format!("the model could not be prepared: {e}")));
             match &model {
                 Ok(m) => tracing::info!(path = %path.display(), nodes = m.hierarchy().nodes().len(), "a model is ready"),
-                Err(error) => tracing::warn!(path = %path.display(), error, "a model is none"),
+                Err(error) => tracing::warn!(path = %path.display(), error, "a model cannot be served"),
             }
             model
         };
