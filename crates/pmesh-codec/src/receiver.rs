@@ -176,8 +176,13 @@ impl Receiver {
                 Event::LevelEnd => {
                     let change = self.mesh.complete_level().map_err(refused)?;
                     let table = self.info.as_ref().and_then(|i| i.levels.as_ref());
-                    if let Some(next) = table.and_then(|t| t.get(self.mesh.arrived_levels() as usize)) {
-                        self.mesh.reserve(next.vertex_count, next.triangle_count);
+                    let levels = table.and_then(|t| t.get(self.mesh.arrived_levels() as usize).zip(t.last()));
+                    if let Some((next, last)) = levels {
+                        // All, or half of it, or a quarter: what is copied at the end is half as large then.
+                        let room =
+                            |all: u32, next: u32| (0..32).map(|k| all >> k).take_while(|&r| r >= next).last().unwrap_or(next);
+                        let vertices = room(last.vertex_count, next.vertex_count);
+                        self.mesh.reserve(vertices, room(last.triangle_count, next.triangle_count));
                     }
                     Arrival::Level { step: self.mesh.arrived_levels() - 1, bytes: self.bytes, change }
                 }

@@ -196,9 +196,9 @@ impl ProgressiveMultilevelMesh {
     }
 
     /// Room for as many vertices and triangles in all as a level table announces: no copying, and nothing unused, while they come. It is
-    /// not believed beyond twice what is there.
+    /// not believed beyond three times what is there.
     pub fn reserve(&mut self, vertices: u32, triangles: u32) {
-        let more = |all: u32, there: usize| (all as usize).saturating_sub(there).min(there);
+        let more = |all: u32, there: usize| (all as usize).saturating_sub(there).min(2 * there);
         let (v, t) = (more(vertices, self.vertices.len()), more(triangles, self.triangles.len()));
         self.vertices.reserve(v);
         self.parents.reserve_exact(v);

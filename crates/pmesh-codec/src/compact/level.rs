@@ -228,7 +228,7 @@ impl LevelCoder {
             memory.know(rows);
             self.looked = memory.count();
             // Room for all that is announced, or half of it, or a quarter: so nothing is left unused at the end, and what is copied then is half as
-            // large. It is not believed beyond twice what is there. The largest first: each is there twice for a moment.
+            // large. What is to come is not believed beyond twice what is there. The largest first: each is there twice for a moment.
             let mut room = self.start.saturating_add(self.coming);
             while room / 2 >= self.end {
                 room = room.div_ceil(2);
