@@ -250,9 +250,16 @@ proptest! {
             session = Some(Session::open(&m, |_| Some(model.clone())).expect("it opens"));
         }
         let mut session = session.expect("a session");
-        client.receive(&session.work(1, 1).expect("the base")).expect("it is");
+        let base = session.work(1, 1).expect("the base");
+        client.receive(&base).expect("it is");
         client.refine(&view, u32::MAX).expect("a hierarchy");
         session.receive(&client.poll().expect("a view")).expect("it is");
+        let mut other = Client::new("part");
+        let mut damaged = base.clone();
+        for (at, with) in &cuts {
+            let at = at.index(damaged.len());
+            damaged[at] ^= with;
+        }
         let good = session.work(300, 5_000).expect("splits");
         let mut bad = good.clone();
         for (at, with) in cuts {
@@ -263,5 +270,11 @@ proptest! {
         let _ = client.receive(&bad);
         let _ = client.refine(&View::everything(), 10_000);
         client.front().mesh().check_invariants();
+        // A base mesh that is damaged, and then what is good.
+        if other.receive(&damaged).is_ok() && other.receive(&good).is_ok() {
+            for view in [view, View::everything(), view] {
+                let _ = other.refine(&view, 10_000);
+            }
+        }
     }
 }
