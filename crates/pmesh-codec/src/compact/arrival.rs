@@ -1,9 +1,10 @@
 //! What a new vertex brings: whose position it shares, where it stands, its attributes.
 
 use super::center::Side;
-use super::level::{LevelCoder, LevelModel, LevelTruth};
+use super::level::{LevelCoder, LevelModel};
 use super::place::P;
 use super::site::{Memory, Site};
+use super::truth::LevelTruth;
 use crate::range::Coder;
 use crate::refine::rows::Rows;
 use pmesh_core::surface::{NONE, Surface, next, previous};

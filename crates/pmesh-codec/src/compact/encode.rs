@@ -1,8 +1,9 @@
 //! Levels of collapses to bytes. The encoder refines as the decoder will, so that both number everything alike.
 
 use super::center::Side;
-use super::level::{LevelCoder, LevelModel, LevelTruth, Spent, Splits};
+use super::level::{LevelCoder, LevelModel, Spent};
 use super::site::Memory;
+use super::truth::{LevelTruth, Splits};
 use crate::pmesh::channels::Quantisation;
 use crate::pmesh::header::{Container, SHIFT_LIMIT};
 use crate::pmesh::varint::put;

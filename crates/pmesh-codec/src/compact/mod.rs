@@ -18,6 +18,7 @@ mod options;
 mod place;
 mod sharpen;
 mod site;
+mod truth;
 mod vector;
 
 pub use center::Side;

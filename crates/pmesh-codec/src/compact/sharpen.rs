@@ -1,7 +1,8 @@
 //! Coordinates of coarse levels lack their low bits; a finer level brings the next ones first.
 
-use super::level::{LevelCoder, LevelModel, LevelTruth};
+use super::level::{LevelCoder, LevelModel};
 use super::site::Memory;
+use super::truth::LevelTruth;
 use crate::range::{Chance, Coder};
 use crate::refine::rows::Rows;
 
