@@ -5,6 +5,7 @@ use pmesh_build::compact::take_apart;
 use pmesh_build::hierarchy::hierarchy;
 use pmesh_build::simplify::BatchOptions;
 use pmesh_codec::Receiver;
+use pmesh_codec::compact::seams;
 use pmesh_codec::pmesh::{Quantisation, quantise};
 use pmesh_core::{IndexedMesh, Vertices};
 use pmesh_view::Model;
@@ -75,12 +76,57 @@ fn prepare(path: &Path, bits: u8) -> Result<Arc<Model>, String> {
     let bytes = std::fs::read(path).map_err(|e| format!("the model cannot be read: {e}"))?;
     let mut receiver = Receiver::default();
     receiver.push(&bytes).and_then(|()| receiver.finish()).map_err(|e| format!("the model is damaged: {e}"))?;
-    let finest = receiver.into_mesh().finest_mesh();
-    let vertices = Vertices { positions: finest.vertices.positions, ..Default::default() };
-    let mesh = IndexedMesh { vertices, triangles: finest.triangles, ..Default::default() };
+    let mesh = welded(&receiver.into_mesh().finest_mesh());
     let grid = Quantisation::fit(&mesh.vertices, Some(bits));
     let mesh = quantise(&mesh, Some(bits));
     let stream = take_apart(mesh.clone(), Some(bits), BatchOptions::default(), |_| ()).map_err(|e| e.to_string())?;
     let hierarchy = hierarchy(&mesh, &stream).map_err(|e| e.to_string())?;
     Model::new(hierarchy, grid).map(Arc::new).map_err(|e| e.to_string())
+}
+
+/// The positions and triangles of a mesh, both sides of a seam as one vertex: they hold nothing else here, and would part where views refine one side only. Vertices of
+/// no triangle, and triangles without extent, are left out.
+fn welded(mesh: &IndexedMesh) -> IndexedMesh {
+    let mut stands: Vec<u32> = (0..mesh.vertices.len() as u32).collect();
+    // Earlier ones first.
+    seams(mesh).into_iter().for_each(|(v, p)| stands[v as usize] = stands[p as usize]);
+    let mut number = vec![u32::MAX; stands.len()];
+    let mut out = IndexedMesh { vertices: Vertices::default(), ..Default::default() };
+    for t in mesh.triangles.iter().map(|t| t.map(|v| stands[v as usize])).filter(|[a, b, c]| a != b && b != c && c != a) {
+        let corners = t.map(|v| {
+            let n = &mut number[v as usize];
+            if *n == u32::MAX {
+                *n = out.vertices.positions.len() as u32;
+                out.vertices.positions.push(mesh.vertices.positions[v as usize]);
+            }
+            *n
+        });
+        out.triangles.push(corners);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pmesh_build::sample::sample;
+    use std::collections::HashMap;
+
+    #[test]
+    fn a_globe_has_no_seam_here() {
+        let globe = sample("globe").expect("a sample").mesh;
+        let open = |m: &IndexedMesh| {
+            let mut sides: HashMap<[u32; 2], i32> = HashMap::new();
+            for [a, b, c] in &m.triangles {
+                for (v, w) in [(a, b), (b, c), (c, a)] {
+                    *sides.entry([*v.min(w), *v.max(w)]).or_default() += 1;
+                }
+            }
+            sides.values().filter(|&&n| n == 1).count()
+        };
+        let whole = welded(&globe);
+        assert!(open(&globe) > 100);
+        assert_eq!(open(&whole), 0);
+        assert!(whole.vertices.len() < globe.vertices.len() && whole.triangles.len() == globe.triangles.len());
+    }
 }
