@@ -23,6 +23,7 @@ export async function startServer() {
       const found = text.match(/http:\/\/[^/]+/);
       if (found) resolve(found[0]);
     });
+    child.on("error", reject);
     child.on("exit", (code) => reject(new Error(`the server ended with ${code}`)));
   });
   return { base, stop: () => child.kill() };

@@ -95,6 +95,7 @@ fn main() -> ExitCode {
 }
 
 fn run(command: Command) -> Result<()> {
+    shell::own_path()?;
     std::env::set_current_dir(shell::root()).map_err(|e| format!("the project folder: {e}"))?;
     match command {
         Command::Demo { meshes, throttle, port } => {

@@ -3,6 +3,7 @@
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::OnceLock;
 
 pub type Result<T> = std::result::Result<T, String>;
 
@@ -69,4 +70,11 @@ pub fn output_of(command: &mut Command) -> Result<String> {
         Ok(status) => Err(format!("`{name}` ended with {status}")),
         Err(e) => Err(failed(&e)),
     }
+}
+
+/// The file of this program. Asked first when the program begins: a build may put another in its place meanwhile, and the system then calls the old one deleted.
+pub fn own_path() -> Result<&'static Path> {
+    static PATH: OnceLock<std::result::Result<PathBuf, String>> = OnceLock::new();
+    let found = PATH.get_or_init(|| std::env::current_exe().map_err(|e| format!("this program's own file: {e}")));
+    found.as_deref().map_err(Clone::clone)
 }

@@ -1,6 +1,6 @@
 //! Every test, the fast ones first. Nothing is skipped in silence: a part that cannot run ends the whole with what to do.
 
-use crate::shell::{Result, heading, output_of, program, root, run};
+use crate::shell::{Result, heading, output_of, own_path, program, root, run};
 use crate::{build, fuzz, tools};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -93,7 +93,7 @@ fn node(script: &str, browser: &str, tools: &[PathBuf]) -> Result<std::process::
     let mut command = in_display(tools);
     command.args(["node", "--test", "--test-concurrency=1"]).arg(root().join("tests/e2e").join(script));
     command.env("PMESH_NODE_MODULES", tools::npm_folder()?).env("PMESH_BROWSER", browser);
-    command.env("PMESH_XTASK", std::env::current_exe().map_err(|e| e.to_string())?);
+    command.env("PMESH_XTASK", own_path()?);
     Ok(command)
 }
 
@@ -176,7 +176,7 @@ fn node_script(script: &str, browser: &str, tools: &[PathBuf]) -> Result<std::pr
     let mut command = in_display(tools);
     command.arg("node").arg(root().join("tests/e2e").join(script));
     command.env("PMESH_NODE_MODULES", tools::npm_folder()?).env("PMESH_BROWSER", browser);
-    command.env("PMESH_XTASK", std::env::current_exe().map_err(|e| e.to_string())?);
+    command.env("PMESH_XTASK", own_path()?);
     Ok(command)
 }
 
