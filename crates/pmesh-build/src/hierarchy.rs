@@ -20,11 +20,14 @@ pub fn hierarchy(mesh: &IndexedMesh, stream: &CompactStream) -> Result<VertexHie
     let mut replay = Replay::new(mesh, unit);
     let mut collapses = Vec::with_capacity(stream.levels.iter().map(Vec::len).sum());
     let mut bounds = Vec::with_capacity(collapses.capacity());
+    let mut is_gone = vec![false; mesh.vertices.len()];
     for r in stream.levels.iter().rev().flatten() {
-        let n = mesh.vertices.len() as u32;
-        if r.vertex >= n || r.apex >= n || r.vertex == r.apex {
+        // What is below a vertex is a list, which must not meet itself.
+        let gone = |v: u32| is_gone.get(v as usize).is_none_or(|&g| g);
+        if gone(r.vertex) || gone(r.apex) || r.vertex == r.apex {
             return Err(HierarchyError::BadVertex { collapse: collapses.len() as u32, vertex: r.vertex });
         }
+        is_gone[r.vertex as usize] = true;
         let cuts = replay.collapse(r.vertex, r.apex);
         collapses.push((r.vertex, r.apex, cuts));
         bounds.push(replay.bounds(r.apex));
@@ -213,9 +216,9 @@ impl<'a> Replay<'a> {
         let code = |x: f64| Bounds::length_code(x, self.unit);
         let sine = self.cones[v as usize].angle.map_or(1.0, |(_, sine)| sine);
         let sine = (sine * f64::from(Bounds::NO_CONE) + 1e-6).ceil().min(f64::from(Bounds::NO_CONE)) as u8;
-        // Every other length does.
         let (own, [low, high]) = (self.at(v), self.boxes[v as usize]);
         let farthest: Point = std::array::from_fn(|k| (own[k] - low[k]).max(high[k] - own[k]));
+        // Every other length does.
         let radius = code(length(farthest)) | 1;
         // Not nothing: nothing is what a leaf has.
         if sine == Bounds::NO_CONE {

@@ -165,3 +165,16 @@ fn g25_names_and_cuts_that_cannot_be_are_refused() {
     }
     front.mesh().check_invariants();
 }
+
+#[test]
+fn g25_a_vertex_that_goes_twice_is_refused() {
+    let mesh = model("part");
+    let mut stream = collapse_batches(&mesh, BatchOptions::default(), |_| ());
+    let first = stream.levels.last().expect("a level")[0].clone();
+    stream.levels[0].push(first.clone());
+    assert!(hierarchy(&mesh, &stream).is_err());
+    // Onto one that is gone.
+    stream.levels[0].last_mut().expect("a collapse").vertex = first.apex;
+    stream.levels[0].last_mut().expect("a collapse").apex = first.vertex;
+    assert!(hierarchy(&mesh, &stream).is_err());
+}

@@ -19,8 +19,6 @@ const FORCED_LIMIT: usize = 1024;
 pub struct Counts {
     /// Splits sent.
     pub splits: u64,
-    /// Nodes looked at.
-    pub looked: u64,
     /// Bytes received.
     pub bytes_up: u64,
     /// Bytes sent.
@@ -143,7 +141,6 @@ impl Session {
                 }
             }
         }
-        self.counts.looked += u64::from(looked);
         self.counts.splits += splits.len() as u64;
         if splits.is_empty() {
             return self.view.is_none().then(|| std::mem::take(&mut self.waiting));

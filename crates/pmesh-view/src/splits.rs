@@ -4,7 +4,7 @@
 //! the client has; so a node's name costs the choices on the way, shared by all that lie together. Of each split come: where the second child is, as a
 //! difference to the first on the grid; the fundamental cut vertices, each as a way that leaves that of a cut known already, on through what is known
 //! (the nearer child first), and the rest that nobody can guess; the bounds of both children, each against their parent's. Choices are coded
-//! by chances that learn as long as the session lasts, some 7 kB at either end.
+//! by chances that learn as long as the session lasts, some 16 kB at either end.
 
 use crate::error::ProtocolError;
 use crate::model::Model;
@@ -135,8 +135,9 @@ struct Writing<'a> {
     model: &'a Model,
     /// After the packet.
     tags: &'a ActiveTags,
-    /// Those to come, and all above those of the packet.
+    /// Splits of the packet that are not written yet.
     pending: HashSet<u32>,
+    /// All splits of the packet, and what is above them.
     wanted: HashSet<u32>,
 }
 

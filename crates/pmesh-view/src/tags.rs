@@ -3,7 +3,7 @@
 use roaring::RoaringBitmap;
 
 /// A set of node numbers. The paper keeps a window of bits about all that are set; here each 65,536 numbers are bits where many are set, else a list,
-/// so that an uneven front costs no more than its nodes do: at most 2 bytes a node and 8 kB for each 65,536, for fronts as KL04's a fifteenth of a list of nodes.
+/// so that an uneven front costs no more than its nodes do: 2 bytes each while a list grows by no more than it needs, and at most 8 kB for each 65,536 numbers.
 ///
 /// Numbers only go out and higher ones come in: the least never sinks.
 #[derive(Clone, Debug, Default, PartialEq)]
