@@ -27,6 +27,8 @@ pub struct Orbit {
 pub struct View {
     /// From model units to clip space.
     pub clip_from_world: Mat4,
+    /// From model units to the eye's space, which looks along -z.
+    pub eye_from_world: Mat4,
     /// Position of the eye, model units.
     pub eye: Vec3,
     /// Model units that a pixel spans at the point of the model nearest to the eye, for a picture 1 pixel high.
@@ -53,7 +55,8 @@ impl Orbit {
         let projection = perspective(FIELD_OF_VIEW, aspect, near, distance + radius * 1.01);
         let world = look_at_mat4(eye, center, Vec3::Y);
         let nearest = (distance - radius).max(near);
-        View { clip_from_world: projection * world, eye, units_per_height: 2.0 * nearest * (FIELD_OF_VIEW / 2.0).tan() }
+        let units_per_height = 2.0 * nearest * (FIELD_OF_VIEW / 2.0).tan();
+        View { clip_from_world: projection * world, eye_from_world: world, eye, units_per_height }
     }
 }
 

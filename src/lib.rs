@@ -21,9 +21,11 @@ mod model;
 mod render;
 #[cfg(target_arch = "wasm32")]
 mod stream;
+#[cfg(target_arch = "wasm32")]
+mod view_model;
 
 #[cfg(target_arch = "wasm32")]
-pub use {model::Model, render::Renderer};
+pub use {model::Model, render::Renderer, view_model::ViewModel};
 
 /// Runs once, when the module is instantiated: a panic is printed with its place.
 #[cfg(target_arch = "wasm32")]

@@ -206,6 +206,11 @@ thread_local! {
     static NEXT_ID: Cell<u32> = const { Cell::new(1) };
 }
 
+/// A number that no other model of the page has.
+pub(crate) fn next_id() -> u32 {
+    NEXT_ID.with(|n| n.replace(n.get() + 1))
+}
+
 /// A progressive mesh: push bytes or add levels, ask for any level.
 #[wasm_bindgen]
 pub struct Model {
@@ -237,7 +242,6 @@ impl Model {
     /// An empty model, which takes any format.
     #[wasm_bindgen(constructor)]
     pub fn new() -> Self {
-        let id = NEXT_ID.with(|n| n.replace(n.get() + 1));
         let state = State {
             receiver: Receiver::default(),
             levels_added: 0,
@@ -247,7 +251,7 @@ impl Model {
             bounded: 0,
             finished: false,
         };
-        Self { state: Rc::new(RefCell::new(state)), id }
+        Self { state: Rc::new(RefCell::new(state)), id: next_id() }
     }
 
     /// Takes the next bytes of the stream, cut anywhere; gives what they brought. Throws an `Error` with a `code`; levels

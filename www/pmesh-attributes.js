@@ -1,8 +1,8 @@
 // The element's attributes as properties, and values read from text.
 
 const TEXTS = ["src", "background", "alt", "poster", "loading"];
-const NUMBERS = ["level", "max-triangles", "auto-level"];
-const FLAGS = ["camera-controls", "auto-rotate", "wireframe"];
+const NUMBERS = ["level", "max-triangles", "auto-level", "screen-error", "max-memory"];
+const FLAGS = ["camera-controls", "auto-rotate", "wireframe", "frozen"];
 
 export const ATTRIBUTES = [...TEXTS, ...NUMBERS, ...FLAGS, "debug"];
 

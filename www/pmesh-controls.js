@@ -22,8 +22,8 @@ export class OrbitCamera {
   }
 }
 
-/** Listens on `surface` until `signal` aborts; `moved()` is called after each change of `camera`. */
-export function attachControls(surface, camera, moved, signal) {
+/** Listens on `surface` until `signal` aborts; `moved()` is called after each change of `camera`. `keys` has what other keys do. */
+export function attachControls(surface, camera, moved, signal, keys = {}) {
   const pointers = new Map();
   const spread = () => {
     const [a, b] = [...pointers.values()];
@@ -76,6 +76,7 @@ export function attachControls(surface, camera, moved, signal) {
       "=": () => camera.scale(1.15),
       "-": () => camera.scale(1 / 1.15),
       Home: () => camera.reset(),
+      ...keys,
     };
     const action = actions[event.key];
     if (!action) return;

@@ -1,6 +1,15 @@
-import type { LevelData, LevelReady, Model, StreamInfo } from "./pmesh.js";
+import type { LevelData, LevelReady, Model, StreamInfo, ViewStats } from "./pmesh.js";
 
-export type { LevelData, LevelReady, Model, StreamInfo };
+export type { LevelData, LevelReady, Model, StreamInfo, ViewStats };
+
+/** What a model that is refined where it is looked at has, and what it took. */
+export interface RefineDetail extends ViewStats {
+  splitsPerSecond: number;
+  connected: boolean;
+  connections: number;
+  /** Nothing changes any more until the camera moves. */
+  settled: boolean;
+}
 
 /** An orbit camera: angles in radians, zoom 1 fits the model. */
 export class OrbitCamera {
@@ -18,6 +27,8 @@ export interface PMeshElementEventMap extends HTMLElementEventMap {
   levelchange: CustomEvent<{ level: number; triangles: number }>;
   /** Bytes have arrived (replaces the element's inherited event of that name). */
   progress: CustomEvent<{ bytes: number; totalBytes: number | null }> & ProgressEvent;
+  /** A model that is refined where it is looked at has changed. */
+  refine: CustomEvent<RefineDetail>;
   load: CustomEvent<null>;
   error: CustomEvent<{ code: string; message: string }> & ErrorEvent;
 }
@@ -32,6 +43,12 @@ export class PMeshElement extends HTMLElement {
   maxTriangles: number | null;
   /** Pixels of geometric error allowed. */
   autoLevel: number | null;
+  /** Pixels that what is seen may be off by (models that are refined where they are looked at). */
+  screenError: number | null;
+  /** Megabytes of memory for such a model. */
+  maxMemory: number | null;
+  /** Such a model stays as it is while the camera moves on. */
+  frozen: boolean;
   cameraControls: boolean;
   autoRotate: boolean;
   wireframe: boolean;
@@ -46,6 +63,7 @@ export class PMeshElement extends HTMLElement {
   readonly bytes: number;
   readonly complete: boolean;
   readonly model: Model | null;
+  readonly viewStats: RefineDetail | null;
   camera: OrbitCamera;
   /** Throws a RangeError if level is not a number or null. */
   setLevel(level: number | null): void;

@@ -6,6 +6,7 @@ import { decodeImage } from "./pmesh-image.js";
 import { PMeshLoader } from "./pmesh-loader.js";
 import * as runtime from "./pmesh-runtime.js";
 import { TEMPLATE } from "./pmesh-template.js";
+import { ViewPlayer } from "./pmesh-view-player.js";
 
 export { OrbitCamera };
 
@@ -15,6 +16,10 @@ const MORPH_SECONDS = 0.3;
 const MAX_PIXELS = 4096;
 /** Radians a second of auto-rotate. */
 const ROTATE_SPEED = 0.5;
+
+function prefersStillness() {
+  return matchMedia("(prefers-reduced-motion: reduce)").matches;
+}
 
 /**
  * A 3D model that shows at once and sharpens while it arrives.
@@ -28,6 +33,11 @@ const ROTATE_SPEED = 0.5;
  *   coarsest is always shown). Text streams announce no sizes: of them all is downloaded.
  * @attr {number} auto-level - Pixels of geometric error allowed: levels finer than that are neither shown nor downloaded,
  *   unless level asks for one.
+ * @attr {number} screen-error - Of a model that is refined where it is looked at (src is the ws: or wss: address of `pmesh serve`): pixels
+ *   that what is seen may be off by; 1 by default. level, max-triangles of streams, auto-level and level events do not apply to such models;
+ *   max-triangles bounds the front, by a larger error.
+ * @attr {number} max-memory - Of such a model: megabytes that what is known may take; what is not shown is forgotten first.
+ * @attr {boolean} frozen - Such a model stays as it is while the camera moves on; the F key switches it with camera-controls.
  * @attr {boolean} camera-controls - Turn and zoom by mouse, touch, wheel and keyboard (arrows, + and -, Home).
  * @attr {boolean} auto-rotate - Turn slowly; not under prefers-reduced-motion.
  * @attr {boolean} wireframe - Draw the edges over the faces.
@@ -45,6 +55,7 @@ const ROTATE_SPEED = 0.5;
  * @prop {number} levelCount - Levels in all, as far as known. Read only.
  * @prop {number} bytes - Bytes received. Read only.
  * @prop {boolean} complete - True once every byte has arrived. Read only.
+ * @prop {RefineDetail|null} viewStats - Of a model that is refined where it is looked at: as in the refine event. Read only.
  * @prop {OrbitCamera} camera - yaw, pitch, zoom; call requestRender() after changing them.
  * @prop {number} PMeshElement.triangleBudget - Static: triangles that all elements may draw together, shared out by their
  *   size on screen; Infinity by default.
@@ -62,10 +73,13 @@ const ROTATE_SPEED = 0.5;
  *   vertices, triangles, bytes, error (or null). Canceled (preventDefault), the level shows only after update().
  * @fires levelchange - The level drawn is another: detail has level and triangles.
  * @fires progress - Bytes arrived: detail has bytes and totalBytes (or null). At most once a frame.
+ * @fires refine - A model that is refined where it is looked at has changed, at most once a frame: detail has front (vertices), triangles,
+ *   known and total (nodes), splits, splitsPerSecond, bytesUp, bytesDown, memoryBytes, evictions, coarser (times the error asked for), connected,
+ *   connections, and settled: nothing changes any more until the camera moves.
  * @fires load - Every byte has arrived.
  * @fires error - Loading or drawing failed: detail has code and message. What had arrived stays; where nothing had, the
  *   message shows. Canceled (preventDefault), it is not reported on the console. Codes: http, network,
- *   gpu, too-large (for a texture of this GPU), bad-image, internal, and a decoder's: unknown-format, newer-version, syntax,
+ *   server and other-model (of a view server), gpu, too-large (for a texture of this GPU), bad-image, internal, and a decoder's: unknown-format, newer-version, syntax,
  *   truncated, checksum, limit, invalid-mesh.
  *
  * @cssprop --pmesh-color - Colour of models that have none.
@@ -91,6 +105,8 @@ export class PMeshElement extends HTMLElement {
   #canvas;
   #context;
   #loader = null;
+  /** Instead of a loader, for models that are refined where they are looked at. */
+  #player = null;
   #controls = null;
   #resizes;
   #intersections;
@@ -159,6 +175,7 @@ export class PMeshElement extends HTMLElement {
     runtime.removeClient(this);
     this.#shareBudget();
     this.#loader?.stop();
+    this.#player?.stop();
     // An element that is only moved to another place keeps what the GPU has.
     queueMicrotask(() => {
       if (!this.isConnected) this.#release();
@@ -170,6 +187,7 @@ export class PMeshElement extends HTMLElement {
     this.#imageGeneration = -1;
     this.#readyStep = 0;
     if (model) runtime.getRenderer().then((renderer) => renderer.release(model), () => {});
+    this.#player?.release();
   }
 
   attributeChangedCallback(name, before, now) {
@@ -179,7 +197,7 @@ export class PMeshElement extends HTMLElement {
         this.#reset();
         if (this.isConnected && (this.loading !== "lazy" || this.#visible)) this.#start();
         break;
-      case "level": case "max-triangles": case "auto-level":
+      case "level": case "max-triangles": case "auto-level": case "screen-error": case "max-memory":
         if (now !== null && Number.isNaN(Number.parseFloat(now))) this.#report(`${name}="${now}" is not a number`);
         this.#reconsider();
         break;
@@ -188,7 +206,8 @@ export class PMeshElement extends HTMLElement {
         this.#controls = null;
         if (now !== null) {
           this.#controls = new AbortController();
-          attachControls(this.#canvas, this.camera, () => this.requestRender(), this.#controls.signal);
+          const freeze = () => (this.frozen = !this.frozen);
+          attachControls(this.#canvas, this.camera, () => this.requestRender(), this.#controls.signal, { f: freeze, F: freeze });
         }
         this.#describe();
         break;
@@ -250,7 +269,8 @@ export class PMeshElement extends HTMLElement {
   #reset() {
     this.#release();
     this.#loader?.dispose();
-    this.#loader = null;
+    this.#player?.dispose();
+    this.#loader = this.#player = null;
     this.#started = false;
     this.#allowedStep = this.#announcedStep = this.#shownStep = -1;
     this.#readyStep = 0;
@@ -276,11 +296,32 @@ export class PMeshElement extends HTMLElement {
     return loader;
   }
 
+  #makePlayer(src) {
+    const mine = (act) => (value) => this.#player === player && act(value);
+    const player = new ViewPlayer(src, {
+      wake: mine(() => this.requestRender()),
+      refined: mine((detail) => {
+        this.#progressDue = true;
+        this.dispatchEvent(new CustomEvent("refine", { detail }));
+      }),
+      loaded: mine(() => this.dispatchEvent(new CustomEvent("load"))),
+      failed: mine((error) => this.#failed(error)),
+    });
+    this.#player = player;
+    return player;
+  }
+
   #start() {
     const src = this.getAttribute("src");
     if (this.#started || !src) return;
     this.#started = true;
     this.#say(`${this.alt || "Model"}: loading`);
+    if (ViewPlayer.plays(src)) {
+      const player = this.#makePlayer(src);
+      if (!this.#paused) player.start();
+      runtime.getRenderer().catch((error) => this.#player === player && this.#failed(error));
+      return;
+    }
     const loader = this.#makeLoader(new URL(src, document.baseURI).href);
     if (!this.#paused) loader.start();
     // The renderer compiles its shaders while the first bytes travel.
@@ -356,6 +397,11 @@ export class PMeshElement extends HTMLElement {
   /** Stops or resumes the download as what is wanted and what is visible say. */
   #reconsider() {
     const loader = this.#loader;
+    if (this.#player && this.isConnected) {
+      if (this.#paused || (!this.#visible && this.#intersectionKnown)) this.#player.stop();
+      else this.#player.start();
+      return;
+    }
     if (!loader || !this.isConnected) return;
     const model = loader.model;
     const info = model?.info;
@@ -431,7 +477,7 @@ export class PMeshElement extends HTMLElement {
     const ready = Math.max(this.#readyStep, Math.ceil(this.#shownStep));
     const newest = Math.min(this.#allowedStep, model.arrivedLevels - 1, ready);
     const wanted = Math.max(0, Math.min(newest, count - 1 - this.#wantedLevel()));
-    const still = this.level !== null || this.#shownStep < 0 || matchMedia("(prefers-reduced-motion: reduce)").matches;
+    const still = this.level !== null || this.#shownStep < 0 || prefersStillness();
     if (still) {
       this.#shownStep = wanted;
       return false;
@@ -445,7 +491,9 @@ export class PMeshElement extends HTMLElement {
 
   async #draw(time) {
     const model = this.#loader?.model;
-    if (!model || model.arrivedLevels === 0 || this.#allowedStep < 0 || !this.#visible || this.#drawing) return;
+    const player = this.#player;
+    const something = player ? player.model : model && model.arrivedLevels > 0 && this.#allowedStep >= 0;
+    if (!something || !this.#visible || this.#drawing) return;
     let renderer;
     this.#drawing = true;
     try {
@@ -456,12 +504,17 @@ export class PMeshElement extends HTMLElement {
     } finally {
       this.#drawing = false;
     }
-    if (!renderer || this.#loader?.model !== model || !this.isConnected) return;
+    if (!renderer || this.#loader?.model !== model || this.#player !== player || !this.isConnected) return;
     const seconds = Math.min(0.1, Math.max(0, (time - this.#lastTime) / 1000));
     this.#lastTime = time;
-    const moving = this.#morph(seconds);
-    const turning = this.hasAttribute("auto-rotate") && !matchMedia("(prefers-reduced-motion: reduce)").matches;
+    const turning = this.hasAttribute("auto-rotate") && !prefersStillness();
     if (turning) this.camera.turn(ROTATE_SPEED * seconds, 0);
+    if (player) {
+      this.#drawView(renderer, player);
+      if (turning) this.requestRender();
+      return;
+    }
+    const moving = this.#morph(seconds);
     const started = performance.now();
     let result;
     try {
@@ -483,6 +536,25 @@ export class PMeshElement extends HTMLElement {
     if (turning) this.requestRender();
   }
 
+  #drawView(renderer, player) {
+    const limits = {
+      screenError: this.screenError ?? 1,
+      maxTriangles: Math.min(this.maxTriangles ?? Infinity, runtime.budgetShare(this)),
+      maxMemory: this.maxMemory,
+      morph: !prefersStillness(),
+    };
+    try {
+      if (!player.frame(renderer, this.#options(null), limits, this.frozen, this.#context)) return;
+    } catch (error) {
+      player.stop();
+      this.#failed(error);
+      return;
+    }
+    this.#part(".frame").classList.add("shown");
+    if (this.debug !== null) this.#part(".debug").textContent = player.overlay(this.frozen).join("\n");
+    if (player.still || this.frozen) this.#settling.splice(0).forEach((resolve) => resolve());
+  }
+
   #options(model) {
     const color = getComputedStyle(this).getPropertyValue("--pmesh-color").trim();
     return {
@@ -491,7 +563,7 @@ export class PMeshElement extends HTMLElement {
       baseColor: (color && this.#parseColor(color, "--pmesh-color")) || [],
       wireframe: this.wireframe,
       representatives: this.debug === "representatives",
-      shownLevel: model.levelCount - 1 - this.#shownStep,
+      shownLevel: model ? model.levelCount - 1 - this.#shownStep : undefined,
     };
   }
 
@@ -536,10 +608,13 @@ export class PMeshElement extends HTMLElement {
     return this.#loader?.model?.levelCount ?? 0;
   }
   get bytes() {
-    return this.#loader?.model?.bytes ?? 0;
+    return this.#loader?.model?.bytes ?? this.#player?.stats?.bytesDown ?? 0;
   }
   get complete() {
-    return this.#loader?.model?.isWhole ?? false;
+    return this.#loader?.model?.isWhole ?? this.#player?.model?.hasAll ?? false;
+  }
+  get viewStats() {
+    return this.#player?.stats ?? null;
   }
   /** Levels whose geometry the last picture could use. */
   get readyLevels() {
@@ -582,7 +657,7 @@ export class PMeshElement extends HTMLElement {
   }
 
   async toBlob(type = "image/png", quality = undefined) {
-    if (this.#allowedStep >= 0 && this.#visible) {
+    if ((this.#allowedStep >= 0 || this.#player?.stats) && this.#visible) {
       // The next picture with nothing on its way.
       await new Promise((resolve) => {
         this.#settling.push(resolve);

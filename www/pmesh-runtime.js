@@ -76,8 +76,16 @@ export function rendererGeneration() {
 
 /** Draws `model` and copies the picture to `target`, a 2D context. Gives the result, or null if the context is lost. */
 export function drawTo(renderer, model, options, target) {
+  return copyTo(target, options, () => renderer.draw(model, { ...options, deadline: uploadDeadline }));
+}
+/** The same of a ViewModel. */
+export function drawViewTo(renderer, model, options, target) {
+  return copyTo(target, options, () => renderer.drawView(model, options));
+}
+
+function copyTo(target, options, draw) {
   if (!canvas || !context || context.isContextLost()) return null;
-  const result = renderer.draw(model, { ...options, deadline: uploadDeadline });
+  const result = draw();
   const { width, height } = options;
   if (target.canvas.width !== width) target.canvas.width = width;
   if (target.canvas.height !== height) target.canvas.height = height;

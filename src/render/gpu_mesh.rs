@@ -7,11 +7,13 @@
 use super::image::{ImageUpload, fitting};
 use super::index_chunks::{IndexChunks, Primitive};
 use super::pipelines::Pipelines;
+use super::textures::Textures;
 use crate::error::error;
 use crate::model::State;
 use crate::shader::{FLAG_GIVEN_NORMALS, FLAG_IMAGE, Uniforms};
 use crate::stream::now;
 use crate::texels;
+use pmesh_core::ProgressiveMultilevelMesh;
 use pmesh_core::forest::JumpForest;
 use pmesh_core::normals::NormalAccumulator;
 use wasm_bindgen::JsValue;
@@ -30,14 +32,6 @@ pub(super) struct Uploader<'a> {
     pub(super) texture_side: u32,
     /// `performance.now()` at which the frame's time for uploads is over.
     pub(super) deadline: f64,
-}
-
-struct Textures {
-    vertices: wgpu::Texture,
-    forest: wgpu::Texture,
-    normals: wgpu::Texture,
-    texcoords: wgpu::Texture,
-    rows: u32,
 }
 
 /// Normals on their way to the GPU.
@@ -81,6 +75,11 @@ pub(super) fn buffer(device: &wgpu::Device, size: u64, usage: wgpu::BufferUsages
         usage: usage | wgpu::BufferUsages::COPY_DST,
         mapped_at_creation: false,
     })
+}
+
+/// Corners of a triangle; of one that finer levels than `level` have only, or coarser ones, a point.
+fn corners(mesh: &ProgressiveMultilevelMesh, triangle: usize, level: u32) -> [u32; 3] {
+    if mesh.is_retired_at(triangle as u32, level) { [0; 3] } else { mesh.triangles()[triangle] }
 }
 
 impl GpuMesh {
@@ -137,7 +136,7 @@ impl GpuMesh {
             changed.iter().for_each(|&t| chunks.touch(t as usize));
             // What was there is written again at once; what is still to come goes on step by step.
             while chunks.has_changes() {
-                bytes += chunks.step(up, mesh.triangles(), |t| mesh.is_retired_at(t, level));
+                bytes += chunks.step(up, mesh.triangles().len(), |t| corners(mesh, t, level));
             }
         }
         bytes
@@ -185,7 +184,7 @@ impl GpuMesh {
             return Ok(Some(self.upload_vertices(up, state)));
         }
         if !self.faces.is_current(triangles.len()) {
-            return Ok(Some(self.faces.step(up, triangles, |t| mesh.is_retired_at(t, self.shown_level))));
+            return Ok(Some(self.faces.step(up, triangles.len(), |t| corners(mesh, t, self.shown_level))));
         }
         if levels > self.normal_levels {
             let bytes = self.step_normals(up, state, levels);
@@ -210,7 +209,7 @@ impl GpuMesh {
         if wireframe {
             let lines = self.lines.get_or_insert_with(|| IndexChunks::new(Primitive::Lines));
             if !lines.is_current(triangles.len()) {
-                return Ok(Some(lines.step(up, triangles, |t| mesh.is_retired_at(t, self.shown_level))));
+                return Ok(Some(lines.step(up, triangles.len(), |t| corners(mesh, t, self.shown_level))));
             }
         }
         self.complete = true;
@@ -229,7 +228,8 @@ impl GpuMesh {
             return Err(error("too-large", &message));
         }
         if self.textures.as_ref().is_none_or(|t| t.rows < rows) {
-            let larger = Textures::new(up.device, self.row, rows.next_power_of_two().min(up.texture_side), self.has_texcoords);
+            let rows = rows.next_power_of_two().min(up.texture_side);
+            let larger = Textures::new(up.device, self.row, rows, (true, self.has_texcoords));
             if let Some(old) = &self.textures {
                 old.copy_to(&larger, up);
             }
@@ -240,20 +240,8 @@ impl GpuMesh {
     }
 
     fn bind(&mut self, device: &wgpu::Device, pipelines: &Pipelines) {
-        let Some(t) = &self.textures else { return };
-        let views = [&t.vertices, &t.forest, &t.normals, &t.texcoords].map(|t| t.create_view(&Default::default()));
-        let mut entries = vec![wgpu::BindGroupEntry { binding: 0, resource: self.uniforms.as_entire_binding() }];
-        for (i, view) in views.iter().enumerate() {
-            entries.push(wgpu::BindGroupEntry { binding: i as u32 + 1, resource: wgpu::BindingResource::TextureView(view) });
-        }
-        let image = self.image.as_ref().unwrap_or(&pipelines.white);
-        entries.push(wgpu::BindGroupEntry { binding: 5, resource: wgpu::BindingResource::TextureView(image) });
-        entries.push(wgpu::BindGroupEntry { binding: 6, resource: wgpu::BindingResource::Sampler(&pipelines.sampler) });
-        self.group = Some(device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: None,
-            layout: &pipelines.layout,
-            entries: &entries,
-        }));
+        let Some(textures) = &self.textures else { return };
+        self.group = Some(textures.bind(device, pipelines, &self.uniforms, self.image.as_ref()));
     }
 
     fn upload_vertices(&mut self, up: &Uploader, state: &State) -> u64 {
@@ -271,36 +259,16 @@ impl GpuMesh {
         let range = first as usize..end as usize;
         let color = |v: usize| a.colors.get(v).copied();
         let packed = range.clone().flat_map(|v| texels::vertex(mesh.vertices().positions[v], color(v)));
-        let mut bytes = self.write(up, &textures.vertices, first, 4, packed);
-        bytes += self.write(up, &textures.forest, first, 2, self.links.links[range.clone()].iter().flatten().copied());
+        let mut bytes = textures.write(up, &textures.vertices, (first, 4), packed);
+        bytes += textures.write(up, &textures.forest, (first, 2), self.links.links[range.clone()].iter().flatten().copied());
         if self.given_normals {
-            bytes += self.write(up, &textures.normals, first, 1, range.clone().map(|v| texels::normal(a.normals[v])));
+            bytes += textures.write(up, &textures.normals, (first, 1), range.clone().map(|v| texels::normal(a.normals[v])));
         }
         if self.has_texcoords {
-            bytes += self.write(up, &textures.texcoords, first, 2, range.flat_map(|v| a.texcoords[v].map(f32::to_bits)));
+            bytes += textures.write(up, &textures.texcoords, (first, 2), range.flat_map(|v| a.texcoords[v].map(f32::to_bits)));
         }
         self.uploaded_vertices = end;
         bytes
-    }
-
-    /// Writes texels of `words` words each from `first` on, which begins a row; the last row is filled up with zeros.
-    fn write(&self, up: &Uploader, texture: &wgpu::Texture, first: u32, words: u32, values: impl Iterator<Item = u32>) -> u64 {
-        let mut bytes: Vec<u8> = values.flat_map(u32::to_le_bytes).collect();
-        let row_bytes = (self.row * words * 4) as usize;
-        let rows = bytes.len().div_ceil(row_bytes);
-        bytes.resize(rows * row_bytes, 0);
-        let to = wgpu::TexelCopyTextureInfo {
-            texture,
-            mip_level: 0,
-            origin: wgpu::Origin3d { x: 0, y: first / self.row, z: 0 },
-            aspect: wgpu::TextureAspect::All,
-        };
-        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row_bytes as u32), rows_per_image: None };
-        let size = wgpu::Extent3d { width: self.row, height: rows as u32, depth_or_array_layers: 1 };
-        if rows > 0 {
-            up.queue.write_texture(to, &bytes, layout, size);
-        }
-        bytes.len() as u64
     }
 
     /// Sums and uploads normals of the newest level; given ones are here already.
@@ -329,7 +297,7 @@ impl GpuMesh {
         let Some(t) = &self.textures else { return 0 };
         let total = normals.sums.vertex_count() as u32;
         let end = total.min(from + self.row);
-        let bytes = self.write(up, &t.normals, from, 1, (from..end).map(|v| texels::normal(normals.sums.normal(v))));
+        let bytes = t.write(up, &t.normals, (from, 1), (from..end).map(|v| texels::normal(normals.sums.normal(v))));
         if end == total {
             self.normal_levels = normals.levels;
         } else {
@@ -338,53 +306,10 @@ impl GpuMesh {
         bytes
     }
 
-    pub(super) fn draw_faces(&self, pass: &mut wgpu::RenderPass, triangles: u32) {
-        self.faces.draw(pass, triangles as usize);
+    pub(super) fn faces(&self) -> &IndexChunks {
+        &self.faces
     }
-    pub(super) fn draw_lines(&self, pass: &mut wgpu::RenderPass, triangles: u32) {
-        if let Some(lines) = &self.lines {
-            lines.draw(pass, triangles as usize);
-        }
-    }
-}
-
-impl Textures {
-    fn new(device: &wgpu::Device, width: u32, rows: u32, texcoords: bool) -> Self {
-        use wgpu::TextureFormat::{R32Uint, Rg32Uint, Rgba32Uint};
-        use wgpu::TextureUsages as U;
-        let texture = |format, width, height| {
-            device.create_texture(&wgpu::TextureDescriptor {
-                label: None,
-                size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format,
-                usage: U::TEXTURE_BINDING | U::COPY_DST | U::COPY_SRC,
-                view_formats: &[],
-            })
-        };
-        let (tw, th) = if texcoords { (width, rows) } else { (1, 1) };
-        Self {
-            vertices: texture(Rgba32Uint, width, rows),
-            forest: texture(Rg32Uint, width, rows),
-            normals: texture(R32Uint, width, rows),
-            texcoords: texture(Rg32Uint, tw, th),
-            rows,
-        }
-    }
-    /// Has the GPU copy all texels to textures that are larger.
-    fn copy_to(&self, to: &Textures, up: &Uploader) {
-        let mut encoder = up.device.create_command_encoder(&Default::default());
-        let pairs = [
-            (&self.vertices, &to.vertices),
-            (&self.forest, &to.forest),
-            (&self.normals, &to.normals),
-            (&self.texcoords, &to.texcoords),
-        ];
-        for (from, to) in pairs {
-            encoder.copy_texture_to_texture(from.as_image_copy(), to.as_image_copy(), from.size());
-        }
-        up.queue.submit([encoder.finish()]);
+    pub(super) fn lines(&self) -> Option<&IndexChunks> {
+        self.lines.as_ref()
     }
 }

@@ -69,14 +69,19 @@ impl IndexChunks {
         self.dirty.contains(&true)
     }
 
-    /// Uploads some of what is missing, changes first; gives the bytes, 0 once all is there. Triangles that are `gone` become
-    /// points.
-    pub(super) fn step(&mut self, up: &Uploader, triangles: &[[u32; 3]], gone: impl Fn(u32) -> bool) -> u64 {
+    /// Nothing past so many triangles counts any more.
+    pub(super) fn truncate(&mut self, triangles: usize) {
+        self.uploaded = self.uploaded.min(triangles);
+        self.dirty.truncate(self.uploaded.div_ceil(PAGE));
+    }
+
+    /// Uploads some of what is missing of so many triangles, changes first; gives the bytes, 0 once all is there.
+    pub(super) fn step(&mut self, up: &Uploader, triangles: usize, corners: impl Fn(usize) -> [u32; 3]) -> u64 {
         let changed = self.dirty.iter().position(|&d| d);
         let first = changed.map_or(self.uploaded, |page| page * PAGE);
         // To the end of the chunk, of the changed pages, or of the step.
         let chunk = chunk_of(first);
-        let mut end = triangles.len().min(start(chunk + 1)).min(first + STEP_PAGES * PAGE);
+        let mut end = triangles.min(start(chunk + 1)).min(first + STEP_PAGES * PAGE);
         if let Some(page) = changed {
             let run = self.dirty[page..].iter().take_while(|&&d| d).count();
             end = end.min((page + run) * PAGE).min(self.uploaded);
@@ -91,8 +96,7 @@ impl IndexChunks {
             // WebGL wants index buffers to be nothing else.
             self.chunks.push(buffer(up.device, size as u64, wgpu::BufferUsages::INDEX));
         }
-        let corners = (first..end).map(|t| if gone(t as u32) { [0; 3] } else { triangles[t] });
-        let bytes = self.primitive.bytes(corners);
+        let bytes = self.primitive.bytes((first..end).map(corners));
         up.queue.write_buffer(&self.chunks[chunk], ((first - start(chunk)) * width * 4) as u64, &bytes);
         self.uploaded = self.uploaded.max(end);
         self.dirty.resize(self.uploaded.div_ceil(PAGE), false);

@@ -3,17 +3,22 @@
 //! It knows meshes and prefixes, no codec. An element asks for its picture, which appears in the top left corner of the
 //! shared canvas, and copies it to its own before the next is drawn.
 
+mod gpu_front;
 mod gpu_mesh;
 mod image;
 mod index_chunks;
 mod pipelines;
 mod targets;
+mod textures;
 
 use crate::error::error;
 use crate::model::{Model, ViewOptions};
 use crate::shader::{self, Uniforms};
+use crate::view_model::ViewModel;
+use gpu_front::GpuFront;
 use gpu_mesh::{GpuMesh, Uploader};
 use image::ImageUpload;
+use index_chunks::IndexChunks;
 use pipelines::Pipelines;
 use pmesh_codec::wavelet::Picture;
 use std::cell::{Cell, RefCell};
@@ -92,6 +97,13 @@ const CREASE_COSINE: f32 = 0.72;
 /// Milliseconds of uploading a draw, if the page sets no deadline.
 const UPLOAD_MS: f64 = 4.0;
 
+/// What is painted.
+struct Scene<'a> {
+    group: Option<&'a wgpu::BindGroup>,
+    faces: &'a IndexChunks,
+    lines: Option<&'a IndexChunks>,
+}
+
 /// Draws models of any number of elements, one after the other.
 #[wasm_bindgen]
 pub struct Renderer {
@@ -100,6 +112,7 @@ pub struct Renderer {
     pipelines: Pipelines,
     targets: RefCell<Targets>,
     meshes: RefCell<HashMap<u32, GpuMesh>>,
+    fronts: RefCell<HashMap<u32, GpuFront>>,
     uploaded: Cell<f64>,
     texture_side: u32,
 }
@@ -132,7 +145,8 @@ impl Renderer {
         let samples = if multisampled { 4 } else { 1 };
         let pipelines = Pipelines::new(&device, &queue, format, samples).map_err(gpu_error)?;
         let targets = RefCell::new(Targets::new(surface, format, samples, canvas));
-        Ok(Renderer { device, queue, pipelines, targets, meshes: RefCell::default(), uploaded: Cell::new(0.0), texture_side })
+        let (meshes, fronts) = (RefCell::default(), RefCell::default());
+        Ok(Renderer { device, queue, pipelines, targets, meshes, fronts, uploaded: Cell::new(0.0), texture_side })
     }
 
     /// Bytes of geometry uploaded since the beginning: changing a level adds none.
@@ -143,12 +157,18 @@ impl Renderer {
     /// Models that have something on the GPU.
     #[wasm_bindgen(getter, js_name = modelCount)]
     pub fn model_count(&self) -> usize {
-        self.meshes.borrow().len()
+        self.meshes.borrow().len() + self.fronts.borrow().len()
     }
 
     /// Frees what the GPU holds of a model; drawing it again uploads it again.
     pub fn release(&self, model: &Model) {
         self.meshes.borrow_mut().remove(&model.id);
+    }
+
+    /// The same of a model that is refined where it is looked at.
+    #[wasm_bindgen(js_name = releaseView)]
+    pub fn release_view(&self, model: &ViewModel) {
+        self.fronts.borrow_mut().remove(&model.id);
     }
 
     /// Gives a model its base-colour image: 8 bits a channel, red green blue alpha, rows from the top. It is uploaded as
@@ -221,7 +241,8 @@ impl Renderer {
             morph: [prefix.fraction, CREASE_COSINE, 0.0, 0.0],
         };
         self.queue.write_buffer(gpu.uniforms(), 0, &uniforms.to_bytes());
-        self.paint(gpu, prefix.triangle_count, options, (width, height))?;
+        let scene = Scene { group: gpu.bind_group(), faces: gpu.faces(), lines: gpu.lines() };
+        self.paint(&scene, prefix.triangle_count, options, (width, height))?;
         Ok(result(
             gpu.is_complete(),
             gpu.ready_levels(),
@@ -230,7 +251,35 @@ impl Renderer {
         ))
     }
 
-    fn paint(&self, gpu: &GpuMesh, triangles: u32, options: &DrawOptions, size: (u32, u32)) -> Result<(), JsValue> {
+    /// Draws the front of a model that is refined where it is looked at, as [`Self::draw`] does; all of it, and no level.
+    #[wasm_bindgen(js_name = drawView)]
+    pub fn draw_view(&self, model: &ViewModel, options: &DrawOptions) -> Result<DrawResult, JsValue> {
+        let mut client = model.client.borrow_mut();
+        let mut fronts = self.fronts.borrow_mut();
+        let gpu = fronts.entry(model.id).or_insert_with(|| GpuFront::new(&self.device));
+        let uploaded = gpu.sync(&self.uploader(None), client.front_mut(), options.wireframe())?;
+        self.uploaded.set(self.uploaded.get() + uploaded as f64);
+        let (orbit, width, height) = options.orbit();
+        let [low, high] = client.extent();
+        let view = orbit.view((low, high));
+        let [r, g, b] = color(&options.base_color(), [0.8, 0.8, 0.78]);
+        let uniforms = Uniforms {
+            clip_from_world: view.clip_from_world.to_cols_array_2d(),
+            eye: view.eye.extend(1.0).into(),
+            base_color: [r, g, b, 1.0],
+            // Every vertex is inside the prefix: it is drawn where it is.
+            counts: [u32::MAX, u32::MAX, u32::MAX, gpu.row_texels()],
+            flags: [if options.representatives() { shader::FLAG_REPRESENTATIVES } else { 0 }, 0, 0, 0],
+            morph: [0.0, CREASE_COSINE, 0.0, 0.0],
+        };
+        self.queue.write_buffer(gpu.uniforms(), 0, &uniforms.to_bytes());
+        let triangles = client.front().mesh().shown().len() as u32;
+        let scene = Scene { group: gpu.bind_group(), faces: gpu.faces(), lines: gpu.lines() };
+        self.paint(&scene, triangles, options, (width, height))?;
+        Ok(result(true, 0, -1.0, triangles))
+    }
+
+    fn paint(&self, scene: &Scene, triangles: u32, options: &DrawOptions, size: (u32, u32)) -> Result<(), JsValue> {
         let mut targets = self.targets.borrow_mut();
         let frame = targets.frame(&self.device, size, self.texture_side).map_err(gpu_error)?;
         let mut encoder = self.device.create_command_encoder(&Default::default());
@@ -241,13 +290,13 @@ impl Renderer {
             let mut pass = targets.begin(&mut encoder, &frame, wgpu::Color { r, g, b, a: alpha });
             pass.set_viewport(0.0, 0.0, size.0 as f32, size.1 as f32, 0.0, 1.0);
             pass.set_scissor_rect(0, 0, size.0, size.1);
-            if let Some(group) = gpu.bind_group().filter(|_| triangles > 0) {
+            if let Some(group) = scene.group.filter(|_| triangles > 0) {
                 pass.set_bind_group(0, group, &[]);
                 pass.set_pipeline(&self.pipelines.faces);
-                gpu.draw_faces(&mut pass, triangles);
-                if options.wireframe() {
+                scene.faces.draw(&mut pass, triangles as usize);
+                if let Some(lines) = scene.lines.filter(|_| options.wireframe()) {
                     pass.set_pipeline(&self.pipelines.lines);
-                    gpu.draw_lines(&mut pass, triangles);
+                    lines.draw(&mut pass, triangles as usize);
                 }
             }
         }

@@ -1,7 +1,7 @@
 // Starts the server and a browser, and gives pages that have the element defined.
 import { spawn } from "node:child_process";
 import { createRequire } from "node:module";
-import { pathToFileURL } from "node:url";
+import { fileURLToPath, pathToFileURL } from "node:url";
 
 const require = createRequire(`${process.env.PMESH_NODE_MODULES}/package.json`);
 const { default: puppeteer } = await import(pathToFileURL(require.resolve("puppeteer-core")).href);
@@ -15,24 +15,49 @@ const CHROME_FLAGS = [
 
 /** A server on a free port, of the modules and samples that were built before. */
 export async function startServer() {
-  const child = spawn(process.env.PMESH_XTASK, ["serve", "--port", "0"], { stdio: ["ignore", "pipe", "inherit"] });
+  const { child, base } = await listening(process.env.PMESH_XTASK, ["serve", "--port", "0"]);
+  return { base, stop: () => child.kill() };
+}
+
+/** `pmesh serve` with views of the samples, for pages of `origin`. */
+export async function startViewServer(origin, args = []) {
+  const samples = fileURLToPath(new URL("../../www/samples", import.meta.url));
+  const port = args.includes("--port") ? [] : ["--port", "0"];
+  const { child, base } = await listening(process.env.PMESH_CLI, ["serve", samples, "--origin", origin, ...port, ...args]);
+  const stop = (signal) =>
+    new Promise((resolve) => {
+      child.on("exit", resolve);
+      child.kill(signal);
+    });
+  return { base: base.replace("http:", "ws:"), port: new URL(base).port, stop: () => stop("SIGTERM"), kill: () => stop("SIGKILL") };
+}
+
+/** Starts a server that prints its address. */
+async function listening(program, args) {
+  const child = spawn(program, args, { stdio: ["ignore", "pipe", "inherit"] });
   const base = await new Promise((resolve, reject) => {
     let text = "";
     child.stdout.on("data", (chunk) => {
       text += chunk;
-      const found = text.match(/http:\/\/[^/]+/);
+      const found = text.match(/http:\/\/[^/\s]+/);
       if (found) resolve(found[0]);
     });
     child.on("error", reject);
-    child.on("exit", (code) => reject(new Error(`the server ended with ${code}`)));
+    child.on("exit", (code) => reject(new Error(`${program} ended with ${code}`)));
   });
-  return { base, stop: () => child.kill() };
+  return { child, base };
 }
 
-export async function startBrowser() {
+/** `still`: pages are told that motion is not wanted. */
+export async function startBrowser({ still = false } = {}) {
   return browserName === "firefox"
-    ? puppeteer.launch({ browser: "firefox", executablePath: "/usr/bin/firefox-esr", headless: false, args: ["--width=1000", "--height=800"] })
-    : puppeteer.launch({ executablePath: "/usr/bin/chromium", headless: true, args: CHROME_FLAGS });
+    ? puppeteer.launch({
+        browser: "firefox", executablePath: "/usr/bin/firefox-esr", headless: false, args: ["--width=1000", "--height=800"],
+        extraPrefsFirefox: still ? { "ui.prefersReducedMotion": 1 } : {},
+      })
+    : puppeteer.launch({
+        executablePath: "/usr/bin/chromium", headless: true, args: [...CHROME_FLAGS, ...(still ? ["--force-prefers-reduced-motion"] : [])],
+      });
 }
 
 /** An empty page with the element defined and, on window, helpers that wait for events. */
@@ -51,7 +76,7 @@ export async function openPage(browser, base, size = { width: 800, height: 600 }
     window.add = (attributes = {}, style = "width:300px;height:300px") => {
       const mesh = document.createElement("p-mesh");
       mesh.log = [];
-      for (const type of ["levelready", "levelchange", "progress", "load", "error"]) {
+      for (const type of ["levelready", "levelchange", "progress", "refine", "load", "error"]) {
         mesh.addEventListener(type, (event) => mesh.log.push({ type, detail: event.detail, bytes: mesh.bytes }));
       }
       for (const [name, value] of Object.entries(attributes)) mesh.setAttribute(name, value);

@@ -10,7 +10,7 @@ const SAMPLES: [&str; 5] = ["globe", "marble", "knot", "part", "tetrahedra"];
 /// Endings of the streams beside .pmesh; the knot is encoded as each.
 const OTHER_STREAMS: [&str; 5] = ["lod.gz", "slod", "pits", "pfs", "x3d"];
 /// Element files that go into the npm package beside the module.
-const ELEMENT_FILES: [&str; 8] = [
+const ELEMENT_FILES: [&str; 10] = [
     "pmesh-element.js",
     "pmesh-element.d.ts",
     "pmesh-attributes.js",
@@ -19,6 +19,8 @@ const ELEMENT_FILES: [&str; 8] = [
     "pmesh-loader.js",
     "pmesh-runtime.js",
     "pmesh-template.js",
+    "pmesh-view-player.js",
+    "pmesh-views.js",
 ];
 
 /// Raw and compressed size of a module.

@@ -4,7 +4,7 @@ use pmesh_build::hierarchy::hierarchy;
 use pmesh_build::sample::sample;
 use pmesh_build::simplify::{BatchOptions, collapse_batches};
 use pmesh_core::IndexedMesh;
-use pmesh_core::hierarchy::{Front, NONE, NodeId, Split, VertexHierarchy, View};
+use pmesh_core::hierarchy::{Allowance, Front, NONE, NodeId, Split, VertexHierarchy, View};
 
 /// Positions only, without seams.
 fn model(name: &str) -> IndexedMesh {
@@ -137,6 +137,178 @@ fn g19_what_is_above_a_leaf_is_found_without_knowing_what_is_between() {
         active = front.front().map(|id| all.find(id).expect("a node")).collect();
     }
     println!("{} in the front of {} nodes known", active.len(), front.known());
+}
+
+fn knowing_all(all: &VertexHierarchy) -> Front {
+    let mut front = client(all);
+    let inner = (0..all.nodes().len() as u32).filter(|&i| all.nodes()[i as usize].child != NONE);
+    inner.for_each(|i| front.learn(&split(all, i)).expect("it is new"));
+    front
+}
+fn view(eye: [f32; 3], tolerance: f32) -> View {
+    View::look_at(eye, [0.0; 3], [0.0, 1.0, 0.0], [0.3, 1.0, tolerance]).expect("a view")
+}
+/// Where a view shows a point, in parts of the viewport's height.
+fn seen(view: &View, p: [f32; 3]) -> Option<[f64; 2]> {
+    let (m, tangent, ..) = view.parts();
+    let at = |row: usize| (0..3).map(|k| f64::from(m[4 * k + row]) * f64::from(p[k])).sum::<f64>() + f64::from(m[12 + row]);
+    let depth = -at(2);
+    (depth > 1e-3).then(|| [at(0), at(1)].map(|x| x / depth / (2.0 * f64::from(tangent))))
+}
+
+#[test]
+fn with_the_camera_still_no_vertex_moves_more_than_a_pixel_a_frame() {
+    let mesh = model("marble");
+    let all = whole(&mesh);
+    let mut front = knowing_all(&all);
+    front.draw();
+    let pixel = 1.0 / 500.0;
+    let eyes = [[0.0, 0.4, 3.0], [0.3, 0.2, 1.4], [-3.0, 0.0, 0.5], [0.0, 9.0, 1.0]];
+    let (mut splits, mut collapses, mut farthest) = (0, 0, 0.0f64);
+    for eye in eyes.into_iter().cycle().take(6) {
+        let view = view(eye, pixel as f32);
+        let mut still = 0;
+        for frame in 0.. {
+            assert!(frame < 5_000, "it never comes to rest: {:?}", front.under_way());
+            let before = front.drawn_positions().to_vec();
+            let was_there: std::collections::HashSet<u32> =
+                front.mesh().shown().iter().filter_map(|&t| front.mesh().triangle(t)).flatten().collect();
+            let progress = front.refine(&view, 3_000).expect("a hierarchy");
+            let under_way = front.advance(&view, pixel, u32::MAX).expect("a hierarchy");
+            (splits, collapses) = (splits + progress.splits, collapses + progress.collapses);
+            let moves = before.iter().zip(front.drawn_positions()).enumerate();
+            for (v, (a, b)) in moves.filter(|(v, _)| was_there.contains(&(*v as u32))) {
+                let (Some(p), Some(q)) = (seen(&view, *a), seen(&view, *b)) else { continue };
+                // Outside the picture they may be faster.
+                if p.iter().any(|x| x.abs() > 0.5) {
+                    continue;
+                }
+                let far = (p[0] - q[0]).hypot(p[1] - q[1]);
+                farthest = farthest.max(far);
+                assert!(far <= pixel, "vertex {v} moves by {} pixels in frame {frame}", far / pixel);
+            }
+            let rests = progress.splits + progress.collapses + under_way.moving + under_way.turning == 0;
+            still = if rests { still + progress.looked } else { 0 };
+            if still as usize > front.len() {
+                break;
+            }
+        }
+        front.mesh().check_invariants();
+        // At rest it is the mesh that stands still.
+        for &t in front.mesh().shown() {
+            for v in front.mesh().triangle(t).expect("it is there") {
+                assert_eq!(front.drawn_positions()[v as usize], front.positions()[v as usize]);
+                let n = front.drawn_normals()[v as usize];
+                assert!((n.iter().map(|x| x * x).sum::<f32>() - 1.0).abs() < 1e-3 || n == [0.0; 3], "{n:?}");
+            }
+        }
+        assert_eq!(triangles(&front), by_definition(&all, &mesh, &front));
+    }
+    println!("{splits} splits, {collapses} collapses, {:.3} pixels at most", farthest / pixel);
+    assert!(splits > 5_000 && collapses > 5_000 && farthest > 0.5 * pixel);
+}
+
+#[test]
+fn changes_that_are_taken_are_all_that_a_renderer_needs() {
+    let mesh = model("part");
+    let all = whole(&mesh);
+    let mut front = knowing_all(&all);
+    front.draw();
+    let (mut positions, mut triangles): (Vec<[f32; 3]>, Vec<Option<[u32; 3]>>) = Default::default();
+    for frame in 0..600u32 {
+        let a = frame as f32 * 0.02;
+        let view = view([4.0 * a.sin(), 1.0, (4.0 - a / 4.0) * a.cos()], 0.002);
+        front.refine(&view, 500).expect("a hierarchy");
+        front.advance(&view, 0.002, 500).expect("a hierarchy");
+        if frame % 100 == 99 {
+            front.forget_below();
+            front.mesh().check_invariants();
+        }
+        for v in front.take_changed_vertices() {
+            positions.resize(positions.len().max(v as usize + 1), [0.0; 3]);
+            positions[v as usize] = front.drawn_positions()[v as usize];
+        }
+        for place in front.take_changed_places() {
+            triangles.resize(triangles.len().max(place as usize + 1), None);
+            triangles[place as usize] = front.mesh().shown().get(place as usize).and_then(|&t| front.mesh().triangle(t));
+        }
+        let shown = front.mesh().shown();
+        assert!(shown.iter().zip(&triangles).all(|(&t, seen)| front.mesh().triangle(t) == *seen), "frame {frame}");
+        assert!(
+            triangles[..shown.len()]
+                .iter()
+                .flatten()
+                .flatten()
+                .all(|&v| positions[v as usize] == front.drawn_positions()[v as usize])
+        );
+    }
+}
+
+#[test]
+fn what_is_forgotten_can_be_learnt_again() {
+    let mesh = model("marble");
+    let all = whole(&mesh);
+    let mut front = knowing_all(&all);
+    let near = view([0.0, 0.3, 1.6], 0.004);
+    let far = view([0.0, 2.0, 9.0], 0.004);
+    for (view, is_near) in [(&near, true), (&far, false), (&near, true)] {
+        let mut splits: Vec<u32> = (0..all.nodes().len() as u32).filter(|&i| all.nodes()[i as usize].child != NONE).collect();
+        splits.retain(|&i| front.find(all.id(i).expect("a node")).is_none_or(|n| front.node(n).is_some_and(|n| n.child == NONE)));
+        splits.iter().for_each(|&i| front.learn(&split(&all, i)).expect("it is new"));
+        while front.refine(view, u32::MAX).is_ok_and(|p| p.splits + p.collapses > 0) {}
+        let (before, bytes, known) = (triangles(&front), front.memory_bytes(), front.known());
+        front.forget_below();
+        front.mesh().check_invariants();
+        assert_eq!(triangles(&front), before);
+        assert!(front.known() <= 2 * front.len() && front.known() < known);
+        println!("near {is_near}: {known} nodes, {bytes} bytes; then {}, {}", front.known(), front.memory_bytes());
+        assert!(front.memory_bytes() < bytes);
+        for id in front.front() {
+            let i = all.find(id).expect("a node");
+            let known = front.node(front.find(id).expect("it is known")).expect("it is known");
+            assert_eq!((known.position, known.bounds), (all.position(i), all.nodes()[i as usize].bounds));
+        }
+    }
+}
+
+#[test]
+fn a_limit_on_triangles_is_kept_and_comes_to_rest() {
+    let mesh = model("marble");
+    let all = whole(&mesh);
+    let mut front = knowing_all(&all);
+    front.draw();
+    let mut allowance = Allowance::default();
+    let mut rest = |front: &mut Front, asked: &View, limit: usize| {
+        front.limit_triangles(limit);
+        let (mut quiet, mut most) = (0, front.mesh().shown().len());
+        for frame in 0.. {
+            assert!(frame < 20_000, "no rest under {limit}: {} triangles, step {}", front.triangles(), allowance.step());
+            let view = allowance.view(asked);
+            let before = allowance.step();
+            let progress = front.refine(&view, 2_000).expect("a hierarchy");
+            let under_way = front.advance(&view, f64::INFINITY, u32::MAX).expect("a hierarchy");
+            allowance.learn(&progress, (front.len(), under_way.leaving), front.triangles(), limit);
+            // A forced split may pass by it.
+            assert!(front.mesh().shown().len() < limit.max(most).saturating_add(50));
+            most = front.mesh().shown().len();
+            let still = progress.splits + progress.collapses + under_way.moving == 0 && allowance.step() == before;
+            quiet = if still { quiet + progress.looked as usize } else { 0 };
+            if quiet > 3 * front.len() {
+                break;
+            }
+        }
+        (front.triangles(), allowance.step())
+    };
+    let near = view([0.0, 0.3, 1.6], 0.002);
+    let (free, step) = rest(&mut front, &near, usize::MAX);
+    assert_eq!(step, 0);
+    let (few, step) = rest(&mut front, &near, free / 4);
+    assert!(step > 0 && few <= free / 4 + 50 && few > free / 10, "{few} of {free}");
+    let (far, step) = rest(&mut front, &view([0.0, 2.0, 30.0], 0.002), free / 4);
+    assert_eq!(step, 0, "{far} triangles are few enough");
+    let (again, _) = rest(&mut front, &near, free / 4);
+    assert!(again.abs_diff(few) < few / 3, "{again} and {few}");
+    println!("{free} triangles; {few} and {again} of {} allowed", free / 4);
 }
 
 #[test]

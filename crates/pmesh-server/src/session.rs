@@ -11,6 +11,9 @@ use tokio::time::{sleep, timeout};
 /// Splits of a packet, and nodes looked at, before others have their turn: about a millisecond.
 const SPLITS: u32 = 1_000;
 const LOOKS: u32 = 20_000;
+/// Bytes of a split, about; and the part of a second that a packet takes at most where the rate is limited.
+const SPLIT_BYTES: u64 = 10;
+const PACKETS_A_SECOND: u64 = 4;
 
 /// Why a session ends, beside a goodbye.
 enum End {
@@ -45,6 +48,8 @@ async fn talk(socket: &mut WebSocket, shared: &Shared) -> Result<(), End> {
     let mut session = Session::begin(request, first.len(), model).map_err(told)?;
     let mut before = session.counts();
     shared.metrics.bytes_up.inc_by(before.bytes_up);
+    let slowly = |rate: u64| (rate / (SPLIT_BYTES * PACKETS_A_SECOND)).clamp(16, SPLITS.into()) as u32;
+    let most = shared.config.rate.map_or(SPLITS, slowly);
     loop {
         let message = tokio::select! {
             biased;
@@ -61,7 +66,7 @@ async fn talk(socket: &mut WebSocket, shared: &Shared) -> Result<(), End> {
                 }
             }
             None => {
-                if let Some(message) = session.work(SPLITS, LOOKS) {
+                if let Some(message) = session.work(most, LOOKS) {
                     send(socket, shared, message).await?;
                 }
                 tokio::task::yield_now().await;

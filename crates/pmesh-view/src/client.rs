@@ -4,7 +4,7 @@ use crate::error::ProtocolError;
 use crate::message::{Reply, Request, Shape, read_reply, request};
 use crate::splits::{SplitModels, read};
 use pmesh_codec::pmesh::Quantisation;
-use pmesh_core::hierarchy::{Front, NONE, Progress, View};
+use pmesh_core::hierarchy::{Allowance, Front, NONE, Progress, UnderWay, View};
 
 /// A model that arrives as it is looked at. Messages are what [`Self::poll`] gives and [`Self::receive`] takes; after a break [`Self::reconnect`] says what to begin with.
 #[derive(Debug, Default)]
@@ -20,9 +20,33 @@ pub struct Client {
     is_open: bool,
     /// The last view asked for, and whether the server is done with it.
     asked: Option<(View, bool)>,
+    limits: Limits,
+    allowance: Allowance,
+    is_drawn: bool,
+    /// Smallest and largest corner of the model's box.
+    extent: [[f32; 3]; 2],
     splits: u64,
+    evictions: u64,
     bytes: (u64, u64),
 }
+
+/// What a client may take.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// Triangles of the front. The tolerance gets coarser until the view does with so many.
+    pub triangles: usize,
+    /// Bytes of what is known ([`Front::memory_bytes`]): what lies below the front is forgotten when there are more, and the front stays so small that half of them is enough for it.
+    pub memory: usize,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self { triangles: usize::MAX, memory: usize::MAX }
+    }
+}
+
+/// Bytes that a triangle of a front takes at most, what is above the front included: half a node of the front, and as much above it.
+const TRIANGLE_BYTES: usize = 96;
 
 impl Client {
     /// For the model of that name.
@@ -45,10 +69,16 @@ impl Client {
                     return Err(ProtocolError::Unexpected("a second base mesh"));
                 }
                 self.front = Front::new(base.positions, &base.bounds, base.triangles, base.unit)?;
+                if self.is_drawn {
+                    self.front.draw();
+                }
                 self.is_open = true;
+                self.extent = base.extent;
                 (self.grid, self.fingerprint, self.total) = (base.grid, Some(base.fingerprint), base.total);
             }
             Reply::Resumed if self.fingerprint.is_some() => self.is_open = true,
+            // Said before the server knew what was forgotten here: it says what is still needed again.
+            Reply::Splits(_) | Reply::Done if self.fingerprint.is_some() && !self.is_open => {}
             Reply::Splits(packet) if self.fingerprint.is_some() => {
                 self.splits += u64::from(read(&mut self.models, &mut self.front, (&self.grid, self.total), packet)?);
             }
@@ -62,6 +92,30 @@ impl Client {
         }
         Ok(())
     }
+    /// The front is to be drawn, from the base mesh on: changes are geomorphs ([`Front::draw`]), which [`Self::advance`] moves.
+    pub fn draw(mut self) -> Self {
+        self.is_drawn = true;
+        self
+    }
+    /// Moves what is under way: [`Front::advance`].
+    pub fn advance(&mut self, view: &View, step: f64, budget: u32) -> Result<UnderWay, ProtocolError> {
+        Ok(self.front.advance(view, step, budget)?)
+    }
+    /// The front, for who draws it and takes what has changed.
+    pub fn front_mut(&mut self) -> &mut Front {
+        &mut self.front
+    }
+    /// What the client may take from now on.
+    pub fn set_limits(&mut self, limits: Limits) {
+        self.limits = limits;
+    }
+    /// Forgets what lies below the front, and tells the server on the same connection. O(what is here).
+    fn evict(&mut self) {
+        self.front.forget_below();
+        self.evictions += 1;
+        self.reconnect();
+    }
+
     /// The connection is new, perhaps to another server: the next message says what is here already (E.7). O(what is here).
     pub fn reconnect(&mut self) {
         *self.models = SplitModels::default();
@@ -86,14 +140,25 @@ impl Client {
         shape
     }
 
-    /// Follows a view, with at most `budget` looks at nodes: refines what is here, and asks for what is not (E.13). One view a call at most, and none that the server is still at or has
-    /// done with. Errors: what arrived is no hierarchy.
+    /// Follows a view, with at most `budget` looks at nodes: refines what is here, and asks for what is not (E.13). A view waits until it is polled, and a newer one takes its place; none is asked for
+    /// that the server is still at or has done with. Keeps the limits. Errors: what arrived is no hierarchy.
     pub fn refine(&mut self, view: &View, budget: u32) -> Result<Progress, ProtocolError> {
-        let progress = self.front.refine(view, budget)?;
-        let is_new = self.asked.is_none_or(|(asked, _)| asked != *view);
-        if progress.wants_more && is_new && self.out.is_none() {
-            self.out = Some(request(&Request::View(Box::new(*view))));
-            self.asked = Some((*view, false));
+        let view = self.allowance.view(view);
+        let limit = self.limits.triangles.min(self.limits.memory / 2 / TRIANGLE_BYTES).max(1);
+        self.front.limit_triangles(limit);
+        let progress = self.front.refine(&view, budget)?;
+        let leaving = self.front.under_way().leaving;
+        self.allowance.learn(&progress, (self.front.len(), leaving), self.front.triangles(), limit);
+        if self.is_open && self.front.memory_bytes() > self.limits.memory && self.front.known() > 2 * self.front.len() {
+            self.evict();
+            return Ok(progress);
+        }
+        let is_new = self.asked.is_none_or(|(asked, _)| asked != view);
+        // What waits is a view, or the first message.
+        let may_ask = self.out.is_none() || (self.is_open && self.asked.is_some());
+        if progress.wants_more && is_new && may_ask {
+            self.out = Some(request(&Request::View(Box::new(view))));
+            self.asked = Some((view, false));
         }
         Ok(progress)
     }
@@ -117,6 +182,22 @@ impl Client {
     /// True if the server owes an answer: to the first message, or to a view.
     pub fn is_waiting(&self) -> bool {
         !self.is_open || self.asked.is_some_and(|a| !a.1)
+    }
+    /// True if there is nothing to show yet.
+    pub fn is_empty(&self) -> bool {
+        self.fingerprint.is_none()
+    }
+    /// Smallest and largest corner of the model's bounding box, once the base mesh is here.
+    pub fn extent(&self) -> [[f32; 3]; 2] {
+        self.extent
+    }
+    /// By how much the tolerance is coarser than asked for, for the limits' sake: in quarters of an octave.
+    pub fn allowance(&self) -> u32 {
+        self.allowance.step()
+    }
+    /// Times that something was forgotten.
+    pub fn evictions(&self) -> u64 {
+        self.evictions
     }
     /// Splits received.
     pub fn splits(&self) -> u64 {

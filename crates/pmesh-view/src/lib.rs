@@ -13,7 +13,7 @@ mod session;
 pub mod splits;
 mod tags;
 
-pub use client::Client;
+pub use client::{Client, Limits};
 pub use error::ProtocolError;
 pub use model::Model;
 pub use session::{Counts, Session};

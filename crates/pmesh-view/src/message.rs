@@ -115,6 +115,8 @@ pub struct Base {
     pub triangles: Vec<[u32; 3]>,
     /// Nodes of the whole hierarchy.
     pub total: u64,
+    /// Smallest and largest corner of the box about all of it.
+    pub extent: [[f32; 3]; 2],
 }
 
 /// Bytes of a request.
@@ -208,6 +210,7 @@ pub fn base(base: &Base) -> Vec<u8> {
     out.push(base.grid.position_bits.unwrap_or(0));
     base.grid.position_origin.iter().for_each(|x| out.extend(x.to_le_bytes()));
     out.extend(base.grid.position_step.to_le_bytes());
+    base.extent.as_flattened().iter().for_each(|x| out.extend(x.to_le_bytes()));
     [base.positions.len(), base.triangles.len()].iter().for_each(|&n| out.extend((n as u32).to_le_bytes()));
     for (p, b) in base.positions.iter().zip(&base.bounds) {
         p.iter().for_each(|x| out.extend(x.to_le_bytes()));
@@ -258,6 +261,10 @@ fn read_base(r: &mut Reader) -> Result<Base, ProtocolError> {
     if !good || (bits > 0 && position_step == 0.0) {
         return r.error("a grid that is none");
     }
+    let extent = [[r.f32()?, r.f32()?, r.f32()?], [r.f32()?, r.f32()?, r.f32()?]];
+    if (0..3).any(|k| !(extent[0][k].is_finite() && extent[1][k].is_finite() && extent[0][k] <= extent[1][k])) {
+        return r.error("a box that is none");
+    }
     let grid = Quantisation { position_bits: (bits > 0).then_some(bits), position_origin, position_step, ..Default::default() };
     let (vertices, triangles) = (u32::from_le_bytes(r.array()?), u32::from_le_bytes(r.array()?));
     if total < u64::from(vertices) || total > TOTAL_LIMIT {
@@ -280,7 +287,7 @@ fn read_base(r: &mut Reader) -> Result<Base, ProtocolError> {
         Ok::<_, ProtocolError>(u32::from_le_bytes(bytes))
     };
     let triangles = (0..triangles).map(|_| Ok([index()?, index()?, index()?])).collect::<Result<_, ProtocolError>>()?;
-    Ok(Base { fingerprint, unit, grid, positions, bounds, triangles, total })
+    Ok(Base { fingerprint, unit, grid, positions, bounds, triangles, total, extent })
 }
 
 struct Reader<'a> {

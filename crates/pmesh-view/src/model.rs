@@ -47,6 +47,10 @@ impl Model {
         }
         hierarchy.base_triangles().iter().flatten().for_each(|&v| mix(v.into()));
         let roots = 0..hierarchy.root_count();
+        let bound = |k: usize, f: fn(f32, f32) -> f32| {
+            (0..hierarchy.nodes().len() as u32).map(|i| hierarchy.position(i)[k]).reduce(f).unwrap_or(0.0)
+        };
+        let extent = [f32::min as fn(f32, f32) -> f32, f32::max].map(|f| [0, 1, 2].map(|k| bound(k, f)));
         let base = Base {
             fingerprint,
             unit: hierarchy.unit(),
@@ -55,6 +59,7 @@ impl Model {
             bounds: roots.map(|i| hierarchy.nodes()[i as usize].bounds).collect(),
             triangles: hierarchy.base_triangles().to_vec(),
             total: hierarchy.nodes().len() as u64,
+            extent,
         };
         Ok(Self { base: message::base(&base), hierarchy, grid, fingerprint })
     }

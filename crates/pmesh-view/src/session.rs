@@ -77,12 +77,25 @@ impl Session {
         }
     }
 
-    /// Takes a message after the first. False if the client has said goodbye. A new view takes the place of one that is worked on. O(1).
+    /// Takes a message after the first. False if the client has said goodbye. A new view takes the place of one that is worked on; a client that has forgotten something
+    /// resumes. O(1), or O(what the client has).
     pub fn receive(&mut self, bytes: &[u8]) -> Result<bool, ProtocolError> {
         self.counts.bytes_up += bytes.len() as u64;
         match read_request(bytes)? {
             Request::View(view) => {
                 (self.view, self.at, self.again) = (Some(*view), 0, NONE);
+                Ok(true)
+            }
+            // It has forgotten something.
+            Request::Resume { fingerprint, shape, .. } => {
+                if self.model.fingerprint() != fingerprint {
+                    return Err(ProtocolError::OtherModel { expected: self.model.fingerprint(), found: fingerprint });
+                }
+                self.tags = leaves(&self.model, &shape)?;
+                let spent = self.models.spent;
+                *self.models = SplitModels::default();
+                self.models.spent = spent;
+                (self.view, self.waiting) = (None, reply(&Reply::Resumed));
                 Ok(true)
             }
             Request::Bye => Ok(false),

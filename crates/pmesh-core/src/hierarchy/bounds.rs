@@ -3,7 +3,8 @@
 /// Lengths an octave.
 const STEPS_AN_OCTAVE: u32 = 4;
 /// 2^(k / 4), written out: the same on every platform.
-const ROOTS: [f64; STEPS_AN_OCTAVE as usize] = [1.0, 1.189_207_115_002_721, std::f64::consts::SQRT_2, 1.681_792_830_507_429];
+pub(super) const ROOTS: [f64; STEPS_AN_OCTAVE as usize] =
+    [1.0, 1.189_207_115_002_721, std::f64::consts::SQRT_2, 1.681_792_830_507_429];
 /// The lengths of all codes, in units.
 static LENGTHS: [f64; 256] = {
     let mut all = [0.0; 256];

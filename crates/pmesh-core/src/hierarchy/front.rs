@@ -1,5 +1,6 @@
 //! What a client knows of a hierarchy, and its front: nodes one on each way down, with the mesh that they make.
 
+use super::geomorph::Geomorphs;
 use super::{Bounds, FrontMesh, HierarchyError, NONE, NodeId, View};
 
 /// A split as it arrives: the children of a node.
@@ -17,14 +18,14 @@ pub struct Split {
 
 /// A node that the client knows.
 #[derive(Clone, Copy, Debug)]
-struct Known {
-    parent: u32,
-    child: u32,
+pub(super) struct Known {
+    pub(super) parent: u32,
+    pub(super) child: u32,
     /// Its vertex in the mesh, that of the first child too.
-    vertex: u32,
+    pub(super) vertex: u32,
     /// Place in the list of the front, or [`NONE`].
-    at: u32,
-    bounds: Bounds,
+    pub(super) at: u32,
+    pub(super) bounds: Bounds,
 }
 
 /// What is known of a node.
@@ -49,28 +50,33 @@ pub struct Progress {
     pub looked: u32,
     /// Nodes split.
     pub splits: u32,
-    /// Pairs collapsed.
+    /// Pairs collapsed, or sent on their way there.
     pub collapses: u32,
     /// A node in the front is too coarse and has no children here: the server must be asked (E.13).
     pub wants_more: bool,
+    /// A node in the front is too coarse, but there are as many triangles as allowed.
+    pub denied: bool,
 }
 
 /// The client's side: a partial hierarchy, the front in it, and its mesh (E.6). 24 bytes a node, 44 a split, 32 a triangle, and a list of the front.
 #[derive(Clone, Debug, Default)]
 pub struct Front {
-    known: Vec<Known>,
+    pub(super) known: Vec<Known>,
     /// Of the nodes with children, in the order in which these came.
-    cuts: Vec<[NodeId; 2]>,
+    pub(super) cuts: Vec<[NodeId; 2]>,
     /// Of the mesh's vertices.
-    positions: Vec<[f32; 3]>,
-    mesh: FrontMesh,
-    roots: u32,
-    base_triangles: u32,
+    pub(super) positions: Vec<[f32; 3]>,
+    pub(super) mesh: FrontMesh,
+    pub(super) roots: u32,
+    pub(super) base_triangles: u32,
     unit: f64,
-    front: Vec<u32>,
+    pub(super) front: Vec<u32>,
     /// Where in the list the next look begins.
-    cursor: usize,
+    pub(super) cursor: usize,
     stack: Vec<u32>,
+    /// Triangles beyond which nothing is split.
+    limit: usize,
+    pub(super) geomorphs: Option<Geomorphs>,
 }
 
 /// Most splits that stand in each other's way. Real ones are a few.
@@ -101,6 +107,7 @@ impl Front {
             roots,
             unit,
             front: (0..roots).collect(),
+            limit: usize::MAX,
             ..Default::default()
         })
     }
@@ -221,7 +228,7 @@ impl Front {
     }
 
     /// Number of the split that made the children at `child`.
-    fn number(&self, child: u32) -> u32 {
+    pub(super) fn number(&self, child: u32) -> u32 {
         (child - self.roots) / 2
     }
 
@@ -271,8 +278,13 @@ impl Front {
         }
         let ends = ends.map(|e| if e == NONE { NONE } else { self.known[e as usize].vertex });
         let first = self.base_triangles + 2 * number;
-        if !self.mesh.split(vertex, self.roots + number, ends, [first, first + 1]) {
+        let blue = self.roots + number;
+        if !self.mesh.split(vertex, blue, ends, [first, first + 1]) {
             return Err(HierarchyError::NotAdjacent { id: self.id(s) });
+        }
+        self.stay(self.known[s as usize].parent);
+        if let Some(g) = &mut self.geomorphs {
+            g.split(vertex, blue, ends);
         }
         self.known[s as usize].at = NONE;
         self.front[at as usize] = child;
@@ -285,7 +297,7 @@ impl Front {
     pub fn collapse(&mut self, id: NodeId) -> bool {
         self.find(id).is_some_and(|i| self.collapse_node(i))
     }
-    fn collapse_node(&mut self, i: u32) -> bool {
+    pub(super) fn collapse_node(&mut self, i: u32) -> bool {
         let Known { child, vertex, .. } = self.known[i as usize];
         if child == NONE {
             return false;
@@ -307,6 +319,40 @@ impl Front {
         true
     }
 
+    /// Sends the children of a node on their way onto it, or collapses them if the front is not drawn; false if that cannot be, or is so already.
+    fn leave(&mut self, i: u32) -> bool {
+        let Some(g) = &mut self.geomorphs else { return self.collapse_node(i) };
+        let Known { child, vertex, .. } = self.known[i as usize];
+        let [red, blue] = [child, child + 1].map(|c| self.known[c as usize]);
+        if red.at == NONE || blue.at == NONE || g.is_leaving(blue.vertex) {
+            return false;
+        }
+        let number = (child - self.roots) / 2;
+        let first = self.base_triangles + 2 * number;
+        self.mesh.can_collapse(vertex, blue.vertex, [first, first + 1]) && g.leave(blue.vertex)
+    }
+    /// The children of a node are needed.
+    fn stay(&mut self, i: u32) {
+        if let (Some(g), Some(parent)) = (&mut self.geomorphs, self.known.get(i as usize)) {
+            let blue = self.known[parent.child as usize + 1].vertex;
+            g.stay(blue);
+        }
+    }
+    /// Splits nothing more once there are so many triangles; those that are there stay until a view needs them no more.
+    pub fn limit_triangles(&mut self, limit: usize) {
+        self.limit = limit;
+    }
+    /// Triangles that stay: those of the mesh without those on their way to nothing.
+    pub fn triangles(&self) -> usize {
+        self.mesh.shown().len().saturating_sub(2 * self.under_way().leaving as usize)
+    }
+    /// Bytes of what is known and of its mesh, without room for more.
+    pub fn memory_bytes(&self) -> usize {
+        let known = size_of::<Known>() * self.known.len() + size_of::<[NodeId; 2]>() * self.cuts.len();
+        let lists = 12 * self.positions.len() + 4 * self.front.len();
+        known + lists + self.mesh.memory_bytes() + self.geomorphs.as_ref().map_or(0, Geomorphs::memory_bytes)
+    }
+
     /// Follows a view (E.13): looks at up to `budget` nodes of the front, going on where the last call stopped; splits what is too coarse, collapses what is needlessly
     /// fine. O(budget · valence). Errors: a hierarchy that is none.
     pub fn refine(&mut self, view: &View, budget: u32) -> Result<Progress, HierarchyError> {
@@ -319,15 +365,22 @@ impl Front {
             let i = self.front[self.cursor];
             let Known { parent, child, .. } = self.known[i as usize];
             if self.is_coarse(i, view) {
-                if child == NONE {
+                self.stay(parent);
+                if self.mesh.shown().len() >= self.limit {
+                    progress.denied = true;
+                } else if child == NONE {
                     progress.wants_more = true;
                 } else {
                     // The first child takes its place, and is looked at next.
                     progress.splits += self.split_node(i)?;
                     continue;
                 }
-            } else if parent != NONE && !self.is_coarse(parent, view) && self.collapse_node(parent) {
-                progress.collapses += 1;
+            } else if parent != NONE {
+                if self.is_coarse(parent, view) {
+                    self.stay(parent);
+                } else {
+                    progress.collapses += u32::from(self.leave(parent));
+                }
             }
             self.cursor += 1;
         }

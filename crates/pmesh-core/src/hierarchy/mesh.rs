@@ -10,6 +10,8 @@ pub struct FrontMesh {
     /// Triangles that are there, in no order; and where in that list each is, or [`NONE`].
     shown: Vec<u32>,
     shown_at: Vec<u32>,
+    /// Places of `shown` whose triangle or corners are others than a renderer has seen; only if there is one.
+    changes: Option<Vec<u32>>,
     own: Ring,
     other: Ring,
 }
@@ -60,6 +62,61 @@ impl FrontMesh {
     /// A triangle that is there.
     pub fn triangle(&self, t: u32) -> Option<[u32; 3]> {
         self.surface.triangles.get(t as usize).copied().filter(|t| t[0] != NONE)
+    }
+
+    /// From now on changes are noted, for [`Self::take_changes`].
+    pub(super) fn watch(&mut self) {
+        self.changes.get_or_insert_default();
+    }
+    /// Places in the list of triangles where another triangle is than when last asked, or one with other corners; some twice, some past the end by now.
+    pub(super) fn take_changes(&mut self) -> Vec<u32> {
+        self.changes.as_mut().map(std::mem::take).unwrap_or_default()
+    }
+    fn note(&mut self, corners: impl Iterator<Item = u32>) {
+        if let Some(changes) = &mut self.changes {
+            changes.extend(corners.map(|c| self.shown_at[c as usize / 3]).filter(|&at| at != NONE));
+        }
+    }
+    /// Triangles about a vertex, as its corners; none if it is not there.
+    pub(super) fn around(&self, v: u32) -> impl Iterator<Item = [u32; 3]> {
+        let start = self.surface.corner_of.get(v as usize).copied().filter(|&c| c != NONE);
+        start.into_iter().flat_map(|c| self.surface.around(c)).map(|c| self.surface.triangles[c as usize / 3])
+    }
+    /// Renames vertices and triangles; `None` drops them, which no shown triangle may need. O(all).
+    pub(super) fn rename(
+        &mut self,
+        vertex: impl Fn(u32) -> Option<u32>,
+        triangle: impl Fn(u32) -> Option<u32>,
+        (vertices, triangles): (u32, u32),
+    ) {
+        let old = std::mem::take(&mut self.surface);
+        let mut s = Surface {
+            triangles: vec![[NONE; 3]; triangles as usize],
+            across: vec![NONE; 3 * triangles as usize],
+            corner_of: vec![NONE; vertices as usize],
+        };
+        let corner = |c: u32| if c == NONE { NONE } else { triangle(c / 3).map_or(NONE, |t| 3 * t + c % 3) };
+        self.shown_at = vec![NONE; triangles as usize];
+        for (at, t) in self.shown.iter_mut().enumerate() {
+            let (was, now) = (*t as usize, triangle(*t).unwrap_or(0));
+            s.triangles[now as usize] = old.triangles[was].map(|v| vertex(v).unwrap_or(NONE));
+            (0..3).for_each(|k| s.across[3 * now as usize + k] = corner(old.across[3 * was + k]));
+            self.shown_at[now as usize] = at as u32;
+            *t = now;
+        }
+        for (v, &c) in old.corner_of.iter().enumerate() {
+            if let Some(v) = vertex(v as u32) {
+                s.corner_of[v as usize] = corner(c);
+            }
+        }
+        self.surface = s;
+        if let Some(changes) = &mut self.changes {
+            *changes = (0..self.shown.len() as u32).collect();
+        }
+    }
+    /// Bytes, without room for more.
+    pub(super) fn memory_bytes(&self) -> usize {
+        28 * self.surface.triangles.len() + 4 * (self.surface.corner_of.len() + self.shown.len())
     }
 
     /// Splits `red`: `blue` takes its triangles from neighbour `cuts[0]` on, counter-clockwise, up to `cuts[1]`; one of them missing ([`NONE`]) is the end of the
@@ -115,50 +172,16 @@ impl FrontMesh {
             self.shown_at[t as usize] = self.shown.len() as u32;
             self.shown.push(t);
         }
+        let new = triangles.into_iter().zip(cuts).filter(|(_, cut)| *cut != NONE).map(|(t, _)| 3 * t);
+        self.note(fan.into_iter().chain(new));
         true
     }
 
     /// Undoes [`Self::split`], wherever the cuts are now; false, and nothing is changed, if what is left would be no manifold: the two have a neighbour
     /// in common beside the cuts, or a vertex would be left with too few triangles. O(valence).
     pub(super) fn collapse(&mut self, red: u32, blue: u32, triangles: Pair) -> bool {
-        let s = &self.surface;
-        let there = |t: u32| s.triangles.get(t as usize).is_some_and(|x| x.contains(&blue) && x.contains(&red));
-        let pairs: Vec<u32> = triangles.into_iter().filter(|&t| there(t)).collect();
-        let third = |t: u32| (3 * t..3 * t + 3).find(|&c| s.vertex(c) != blue && s.vertex(c) != red);
-        let thirds: Vec<u32> = pairs.iter().filter_map(|&t| third(t)).collect();
-        if thirds.is_empty() || thirds.len() != pairs.len() {
-            return false;
-        }
-        let Self { own, other, .. } = self;
-        // The fans that have these triangles: a vertex of the base may have more.
-        let corner = |v: u32| (3 * pairs[0]..3 * pairs[0] + 3).find(|&c| s.vertex(c) == v).unwrap_or(NONE);
-        own.gather(s, corner(blue));
-        other.gather(s, corner(red));
-        let two = pairs.len() == 2;
-        let has_all = |r: &Ring| pairs.iter().all(|&t| r.corners.iter().any(|c| c / 3 == t));
-        if own.closed != two || (!two && other.closed) || !has_all(own) || !has_all(other) {
-            return false;
-        }
-        if own.corners.len().saturating_mul(other.corners.len()) > RINGS_LIMIT {
-            return false;
-        }
-        let is_third = |v: u32| thirds.iter().any(|&c| s.vertex(c) == v);
-        let met = |v: &&u32| **v != red && **v != blue && own.vertices.contains(v);
-        if other.vertices.iter().filter(met).any(|&v| !is_third(v)) || (two && s.vertex(thirds[0]) == s.vertex(thirds[1])) {
-            return false;
-        }
-        let left = (own.corners.len() + other.corners.len()).saturating_sub(2 * pairs.len());
-        if left < if other.closed { 3 } else { 1 } {
-            return false;
-        }
-        let moved = std::mem::take(&mut own.corners);
-        for &c in &thirds {
-            own.gather(s, c);
-            if own.corners.len() < if own.closed { 4 } else { 2 } {
-                own.corners = moved;
-                return false;
-            }
-        }
+        let Some((pairs, thirds, moved)) = self.look_at_collapse(red, blue, triangles) else { return false };
+        self.note(moved.iter().copied());
         let s = &mut self.surface;
         moved.iter().for_each(|&c| s.triangles[c as usize / 3][c as usize % 3] = red);
         for (&t, &c) in pairs.iter().zip(&thirds) {
@@ -176,17 +199,66 @@ impl FrontMesh {
             if let Some(&moved) = self.shown.get(at as usize) {
                 self.shown_at[moved as usize] = at;
             }
+            if let Some(changes) = &mut self.changes {
+                changes.push(at);
+            }
         }
         s.corner_of[blue as usize] = NONE;
         // Corners of those that are left, from what is left of the two fans and of the cuts'.
         let there = |s: &Surface, c: u32| s.triangles[c as usize / 3][0] != NONE;
-        let kept = moved.iter().chain(&other.corners).copied().find(|&c| there(s, c)).unwrap_or(NONE);
-        s.corner_of[red as usize] = kept;
-        let neighbours: Vec<u32> =
-            moved.iter().chain(&other.corners).copied().filter(|&c| there(s, c)).flat_map(|c| [next(c), previous(c)]).collect();
+        let left = moved.iter().chain(&self.other.corners).copied();
+        s.corner_of[red as usize] = left.clone().find(|&c| there(s, c)).unwrap_or(NONE);
+        let neighbours: Vec<u32> = left.filter(|&c| there(s, c)).flat_map(|c| [next(c), previous(c)]).collect();
         neighbours.into_iter().for_each(|c| s.corner_of[s.triangles[c as usize / 3][c as usize % 3] as usize] = c);
         self.own.corners = moved;
         true
+    }
+    /// True if [`Self::collapse`] could be done now. O(valence).
+    pub(super) fn can_collapse(&mut self, red: u32, blue: u32, triangles: Pair) -> bool {
+        let looked = self.look_at_collapse(red, blue, triangles);
+        looked.map(|(_, _, moved)| self.own.corners = moved).is_some()
+    }
+    /// The triangles that go, the corner of each that stays where it is, and blue's corners; the fan of red is in `other`.
+    fn look_at_collapse(&mut self, red: u32, blue: u32, triangles: Pair) -> Option<(Vec<u32>, Vec<u32>, Vec<u32>)> {
+        let s = &self.surface;
+        let there = |t: u32| s.triangles.get(t as usize).is_some_and(|x| x.contains(&blue) && x.contains(&red));
+        let pairs: Vec<u32> = triangles.into_iter().filter(|&t| there(t)).collect();
+        let third = |t: u32| (3 * t..3 * t + 3).find(|&c| s.vertex(c) != blue && s.vertex(c) != red);
+        let thirds: Vec<u32> = pairs.iter().filter_map(|&t| third(t)).collect();
+        if thirds.is_empty() || thirds.len() != pairs.len() {
+            return None;
+        }
+        let Self { own, other, .. } = self;
+        // The fans that have these triangles: a vertex of the base may have more.
+        let corner = |v: u32| (3 * pairs[0]..3 * pairs[0] + 3).find(|&c| s.vertex(c) == v).unwrap_or(NONE);
+        own.gather(s, corner(blue));
+        other.gather(s, corner(red));
+        let two = pairs.len() == 2;
+        let has_all = |r: &Ring| pairs.iter().all(|&t| r.corners.iter().any(|c| c / 3 == t));
+        if own.closed != two || (!two && other.closed) || !has_all(own) || !has_all(other) {
+            return None;
+        }
+        if own.corners.len().saturating_mul(other.corners.len()) > RINGS_LIMIT {
+            return None;
+        }
+        let is_third = |v: u32| thirds.iter().any(|&c| s.vertex(c) == v);
+        let met = |v: &&u32| **v != red && **v != blue && own.vertices.contains(v);
+        if other.vertices.iter().filter(met).any(|&v| !is_third(v)) || (two && s.vertex(thirds[0]) == s.vertex(thirds[1])) {
+            return None;
+        }
+        let left = (own.corners.len() + other.corners.len()).saturating_sub(2 * pairs.len());
+        if left < if other.closed { 3 } else { 1 } {
+            return None;
+        }
+        let moved = std::mem::take(&mut own.corners);
+        for &c in &thirds {
+            own.gather(s, c);
+            if own.corners.len() < if own.closed { 4 } else { 2 } {
+                own.corners = moved;
+                return None;
+            }
+        }
+        Some((pairs, thirds, moved))
     }
 
     /// Panics unless what is across from each edge is, and the triangles about each vertex of a split or collapse are one fan; tests call it. O(triangles).

@@ -5,17 +5,22 @@
 //! done at once wherever its two cut vertices lie, unless they stand at one node: then that node goes first.
 //!
 //! [`VertexHierarchy`] is all of it, as a server has it; [`Front`] is what a client knows, with the mesh of its front; [`View`] says what is
-//! to be refined. [`NodeId`] names nodes where one side does not know the other's numbers.
+//! to be refined, [`Allowance`] how coarse it must be for a limit on triangles. [`NodeId`] names nodes where one side does not know the other's numbers.
 
+mod allowance;
 mod bounds;
+mod forget;
 mod front;
+mod geomorph;
 mod id;
 mod mesh;
 mod tree;
 mod view;
 
+pub use allowance::Allowance;
 pub use bounds::Bounds;
 pub use front::{Front, KnownNode, Progress, Split};
+pub use geomorph::UnderWay;
 pub use id::{IdBits, NodeId};
 pub use mesh::FrontMesh;
 pub use tree::{HierarchyError, Node, VertexHierarchy};

@@ -53,12 +53,11 @@ impl View {
         };
         let (t, s) = (f64::from(tangent), f64::from(tangent) * f64::from(aspect));
         let planes = [[1.0, 0.0, -s], [-1.0, 0.0, -s], [0.0, 1.0, -t], [0.0, -1.0, -t], [0.0, 0.0, -1.0]].map(plane);
-        let kappa = 2.0 * f64::from(tolerance) * t;
         let good = m[3] == 0.0 && m[7] == 0.0 && m[11] == 0.0 && m[15] == 1.0;
         if !good || !eye.iter().chain(planes.iter().flatten()).all(|x| x.is_finite()) {
             return Err(ViewError::BadMatrix);
         }
-        Ok(Self { matrix, tangent, aspect, tolerance, eye, planes, error: kappa * kappa })
+        Ok(Self { matrix, tangent, aspect, tolerance, eye, planes, error: 0.0 }.with_error())
     }
     /// From `eye` to `target`, `up` about upward; the rest as [`Self::new`].
     pub fn look_at(
@@ -88,6 +87,32 @@ impl View {
     /// True if it wants everything.
     pub fn is_everything(&self) -> bool {
         self.tangent == 0.0
+    }
+    /// The same with so many times the tolerance. Everything stays everything.
+    pub fn coarser(&self, factor: f64) -> Self {
+        Self { tolerance: (f64::from(self.tolerance) * factor) as f32, ..*self }.with_error()
+    }
+    fn with_error(mut self) -> Self {
+        let kappa = 2.0 * f64::from(self.tolerance) * f64::from(self.tangent);
+        self.error = kappa * kappa;
+        self
+    }
+    /// How far a vertex at `position` may move, whichever way, to move by at most `part` of the viewport's height in the picture. One that lies outside may move farther, by an eighth of
+    /// how far outside, since of its triangles only their tips are seen; infinite behind the eye. O(1).
+    pub fn reach(&self, position: [f32; 3], part: f64) -> f64 {
+        let p = position.map(f64::from);
+        let off = |n: &[f64; 4]| n[0] * p[0] + n[1] * p[1] + n[2] * p[2] + n[3];
+        let depth = off(&self.planes[4]);
+        if self.is_everything() || depth <= 0.0 || part.is_infinite() {
+            return f64::INFINITY;
+        }
+        let from_eye: [f64; 3] = std::array::from_fn(|k| p[k] - self.eye[k]);
+        // A point at depth z and distance d moves by m d / z² at most in a picture at the distance 1. It may come nearer by m meanwhile.
+        let scale = part * 2.0 * f64::from(self.tangent) * depth;
+        let nearer = scale / (1.0 + scale / depth);
+        let inside = nearer * depth / dot(from_eye, from_eye).sqrt().max(depth) * 0.95;
+        let outside = self.planes[..4].iter().map(|n| -off(n)).fold(0.0, f64::max);
+        inside + outside / 8.0
     }
     /// Matrix (by columns), tangent of half the angle of view, aspect, tolerance.
     pub fn parts(&self) -> ([f32; 16], f32, f32, f32) {

@@ -1,0 +1,137 @@
+// What <p-mesh> does with a model that is refined where it is looked at: follows the camera frame by frame, draws the front, counts.
+
+import * as runtime from "./pmesh-runtime.js";
+import { PMeshViews } from "./pmesh-views.js";
+
+/** Milliseconds of a frame in which the front is looked through. */
+const FOLLOW_MS = 5;
+/** Pixels by which a vertex moves in a frame: none is seen to jump. While the first view arrives the whole shape is on its way, and faster. */
+const MORPH_PIXELS = 1;
+const FIRST_MORPH_PIXELS = 8;
+/** Milliseconds over which splits a second are counted. */
+const RATE_MS = 1000;
+const BYTES_A_MEGABYTE = 1e6;
+
+export class ViewPlayer {
+  #views;
+  #tell;
+  #stats = null;
+  #settled = false;
+  /** Nothing changes until something arrives. */
+  #rests = false;
+  /** The first view has all that it needs. */
+  #shown = false;
+  #loaded = false;
+  /** Times and counts of splits, for the rate. */
+  #rate = [];
+  #frameMs = 0;
+
+  /** `tell` has wake(): draw again; refined(stats), loaded(), failed(error). */
+  constructor(src, tell) {
+    this.#tell = tell;
+    this.#views = new PMeshViews(src, {
+      arrived: () => {
+        this.#settled = this.#rests = false;
+        tell.wake();
+      },
+      failed: tell.failed,
+    });
+  }
+
+  static plays(src) {
+    return PMeshViews.speaks(src);
+  }
+
+  get model() {
+    return this.#views.model;
+  }
+  /** What is here and what it took; null before anything is. */
+  get stats() {
+    return this.#stats;
+  }
+  /** The picture stays as it is: nothing is missing, or nobody is there to ask. */
+  get still() {
+    return this.#settled || (this.#rests && !this.#views.connected);
+  }
+  start() {
+    this.#views.start();
+  }
+  stop() {
+    this.#views.stop();
+  }
+  dispose() {
+    this.#views.dispose();
+  }
+  /** Frees what the GPU holds. */
+  release() {
+    const model = this.model;
+    if (model) runtime.getRenderer().then((renderer) => renderer.releaseView(model), () => {});
+  }
+
+  /**
+   * A frame: follows the camera unless `frozen`, and draws. Gives true if a picture was drawn; then frames go on until nothing changes.
+   * `limits` has screenError (pixels), maxTriangles, maxMemory (megabytes), morph.
+   */
+  frame(renderer, options, limits, frozen, target) {
+    const model = this.model;
+    if (!model || model.isEmpty) return false;
+    const started = performance.now();
+    if (!frozen) {
+      const { screenError, maxTriangles, maxMemory, morph } = limits;
+      const morphPixels = !morph ? Infinity : this.#shown ? MORPH_PIXELS : FIRST_MORPH_PIXELS;
+      const { splits, collapses, rests } = model.follow({
+        ...options, screenError, maxTriangles, morphPixels,
+        maxMemory: maxMemory === null ? undefined : maxMemory * BYTES_A_MEGABYTE,
+        deadline: started + FOLLOW_MS,
+      });
+      this.#views.pump();
+      this.#rests = rests;
+      this.#settled = rests && !model.isWaiting;
+      this.#shown ||= this.#settled;
+      this.#count(started, splits);
+      this.#say(splits + collapses > 0);
+    }
+    if (!runtime.drawViewTo(renderer, model, options, target)) return false;
+    this.#frameMs = performance.now() - started;
+    // What is missing wakes us when it comes.
+    if (!this.#rests && !frozen) this.#tell.wake();
+    return true;
+  }
+
+  #count(time, splits) {
+    this.#rate.push([time, splits]);
+    while (this.#rate[0][0] < time - RATE_MS) this.#rate.shift();
+  }
+  #say(changed) {
+    const splitsPerSecond = this.#rate.reduce((sum, [, n]) => sum + n, 0) / (RATE_MS / 1000);
+    const { connected, connections } = this.#views;
+    const stats = { ...this.model.stats, settled: this.#settled, splitsPerSecond, connected, connections };
+    const told = ["settled", "connected", "bytesDown", "bytesUp"];
+    if (!changed && this.#stats && told.every((key) => stats[key] === this.#stats[key])) return;
+    this.#stats = stats;
+    this.#tell.refined(this.#stats);
+    if (!this.#loaded && this.model.hasAll) {
+      this.#loaded = true;
+      this.#tell.loaded();
+    }
+  }
+
+  /** Lines for the debug overlay. */
+  overlay(frozen) {
+    const s = this.model ? { ...this.#stats, ...this.model.stats } : this.#stats;
+    if (!s) return [];
+    const n = (x) => Math.round(x).toLocaleString("en");
+    return [
+      `down      ${n(s.bytesDown)} bytes`,
+      `up        ${n(s.bytesUp)} bytes`,
+      `front     ${n(s.front)} vertices, ${n(s.triangles)} triangles`,
+      `known     ${n(s.known)} of ${n(s.total)} nodes, ${(s.memoryBytes / BYTES_A_MEGABYTE).toFixed(1)} MB`,
+      `splits    ${n(s.splitsPerSecond ?? 0)} a second`,
+      ...(s.coarser > 1 ? [`error     ${s.coarser.toFixed(1)} times what was asked for`] : []),
+      ...(s.evictions ? [`forgot    ${n(s.evictions)} times`] : []),
+      `frame     ${this.#frameMs.toFixed(1)} ms`,
+      ...(frozen ? ["frozen"] : []),
+      ...(this.#views.connected ? [] : ["not connected"]),
+    ];
+  }
+}
