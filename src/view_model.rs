@@ -4,8 +4,8 @@ use crate::error::error;
 use crate::model::ViewOptions;
 use crate::model::next_id;
 use crate::stream::now;
-use pmesh_core::hierarchy::View;
-use pmesh_view::{Client, Limits, ProtocolError};
+use pmesh_core::hierarchy::{Progress, View};
+use pmesh_view::{Client, FileClient, Limits, ProtocolError, Viewer};
 use std::cell::RefCell;
 use std::rc::Rc;
 use wasm_bindgen::prelude::*;
@@ -41,6 +41,8 @@ export interface ViewStats {
   /** Vertices on their way to their place. */
   moving: number;
   splits: number; bytesUp: number; bytesDown: number; memoryBytes: number;
+  /** Requests for ranges of a file. */
+  requests: number;
   /** Times that what was not shown was forgotten. */
   evictions: number;
   /** By how much the allowed error was raised for the limits' sake: 1 is not at all. */
@@ -79,6 +81,7 @@ const MOVES: u32 = 30_000;
 fn failed(e: &ProtocolError) -> JsValue {
     let code = match e {
         ProtocolError::Syntax { .. } | ProtocolError::Unexpected(_) => "syntax",
+        ProtocolError::Damaged { .. } => "checksum",
         ProtocolError::OtherModel { .. } => "other-model",
         ProtocolError::View(_) => "bad-view",
         ProtocolError::Hierarchy(_) => "invalid-mesh",
@@ -87,41 +90,106 @@ fn failed(e: &ProtocolError) -> JsValue {
     error(code, &e.to_string())
 }
 
+/// Where splits come from.
+pub(crate) enum Source {
+    Session(Box<Client>),
+    File(Box<FileClient>),
+}
+
+impl Source {
+    pub(crate) fn viewer(&self) -> &Viewer {
+        match self {
+            Self::Session(client) => client.viewer(),
+            Self::File(client) => client.viewer(),
+        }
+    }
+    pub(crate) fn viewer_mut(&mut self) -> &mut Viewer {
+        match self {
+            Self::Session(client) => client.viewer_mut(),
+            Self::File(client) => client.viewer_mut(),
+        }
+    }
+    fn refine(&mut self, view: &View, budget: u32) -> Result<Progress, ProtocolError> {
+        match self {
+            Self::Session(client) => client.refine(view, budget),
+            Self::File(client) => client.refine(view, budget),
+        }
+    }
+    fn is_waiting(&self) -> bool {
+        match self {
+            Self::Session(client) => client.is_waiting(),
+            Self::File(client) => client.is_waiting(),
+        }
+    }
+    /// Bytes up, bytes down, requests.
+    fn traffic(&self) -> (u64, u64, u64) {
+        match self {
+            Self::Session(client) => (client.bytes().0, client.bytes().1, 0),
+            Self::File(client) => (0, client.traffic().1, client.traffic().0),
+        }
+    }
+}
+
 /// A mesh that is refined where it is looked at.
 #[wasm_bindgen]
 pub struct ViewModel {
-    pub(crate) client: Rc<RefCell<Client>>,
+    pub(crate) source: Rc<RefCell<Source>>,
     pub(crate) id: u32,
 }
 
 #[wasm_bindgen]
 impl ViewModel {
-    /// Of the model that a server calls so.
+    /// Of the model that a server of views calls so.
     #[wasm_bindgen(constructor)]
     pub fn new(name: &str) -> Self {
-        Self { client: Rc::new(RefCell::new(Client::new(name).draw())), id: next_id() }
+        Self { source: Rc::new(RefCell::new(Source::Session(Box::new(Client::new(name).draw())))), id: next_id() }
+    }
+    /// Of a file for views, by ranges of its bytes.
+    #[wasm_bindgen(js_name = ofFile)]
+    pub fn of_file() -> Self {
+        Self { source: Rc::new(RefCell::new(Source::File(Box::new(FileClient::default().draw())))), id: next_id() }
     }
     /// The next message for the server, if there is one.
     pub fn poll(&self) -> Option<Vec<u8>> {
-        self.client.borrow_mut().poll()
+        match &mut *self.source.borrow_mut() {
+            Source::Session(client) => client.poll(),
+            Source::File(_) => None,
+        }
     }
-    /// Takes a message of the server. Throws an `Error` with a `code`: the session is over; what is here stays.
-    pub fn receive(&self, bytes: &[u8]) -> Result<(), JsValue> {
-        self.client.borrow_mut().receive(bytes).map_err(|e| failed(&e))
+    /// The next range of the file to be fetched, if there is one: from the first number up to, not including, the second.
+    #[wasm_bindgen(js_name = pollRange)]
+    pub fn poll_range(&self) -> Option<Vec<f64>> {
+        match &mut *self.source.borrow_mut() {
+            Source::Session(_) => None,
+            Source::File(client) => client.poll().map(|(start, end)| vec![start as f64, end as f64]),
+        }
+    }
+    /// Takes a message of the server, or bytes of the file from `start` on. Throws an `Error` with a `code`: it is over; what is here stays.
+    pub fn receive(&self, bytes: &[u8], start: Option<f64>) -> Result<(), JsValue> {
+        let received = match &mut *self.source.borrow_mut() {
+            Source::Session(client) => client.receive(bytes),
+            Source::File(client) => client.receive(start.unwrap_or(0.0) as u64, bytes),
+        };
+        received.map_err(|e| failed(&e))
+    }
+    /// A range that was to be fetched does not come: it is asked for again.
+    #[wasm_bindgen(js_name = rangeFailed)]
+    pub fn range_failed(&self, start: f64) {
+        if let Source::File(client) = &mut *self.source.borrow_mut() {
+            client.failed(start as u64);
+        }
     }
     /// The connection is new: what comes next says what is here.
     pub fn reconnect(&self) {
-        self.client.borrow_mut().reconnect();
-    }
-    /// Says goodbye.
-    pub fn close(&self) {
-        self.client.borrow_mut().close();
+        if let Source::Session(client) = &mut *self.source.borrow_mut() {
+            client.reconnect();
+        }
     }
     /// Follows the camera: refines what is too coarse, asks for what is missing, and moves what is under way by a frame. Throws if what arrived is no hierarchy.
     pub fn follow(&self, options: &FollowOptions) -> Result<FollowResult, JsValue> {
-        let mut client = self.client.borrow_mut();
+        let mut source = self.source.borrow_mut();
         let (orbit, _, height) = options.orbit();
-        let [low, high] = client.extent();
+        let [low, high] = source.viewer().extent();
         let camera = orbit.view((low, high));
         let pixel = 1.0 / f64::from(height.max(1));
         let tolerance = options.screen_error().clamp(0.01, 1e4) * pixel;
@@ -129,64 +197,62 @@ impl ViewModel {
         let view = View::new(camera.eye_from_world.to_cols_array(), tangent, orbit.aspect.max(0.01), tolerance as f32);
         let view = view.map_err(|e| failed(&e.into()))?;
         let limit = |x: Option<f64>| x.filter(|x| x.is_finite()).map_or(usize::MAX, |x| x.max(1.0) as usize);
-        client.set_limits(Limits { triangles: limit(options.max_triangles()), memory: limit(options.max_memory()) });
+        source.viewer_mut().set_limits(Limits { triangles: limit(options.max_triangles()), memory: limit(options.max_memory()) });
         let (mut splits, mut collapses, mut quiet) = (0, 0, 0);
-        let mut rests = client.is_empty();
-        while !client.is_empty() {
-            let progress = client.refine(&view, LOOKS).map_err(|e| failed(&e))?;
+        let mut rests = source.viewer().is_empty();
+        while !source.viewer().is_empty() {
+            let progress = source.refine(&view, LOOKS).map_err(|e| failed(&e))?;
             let changed = progress.splits + progress.collapses > 0;
             (splits, collapses) = (splits + progress.splits, collapses + progress.collapses);
             quiet = if changed { 0 } else { quiet + progress.looked as usize };
-            rests = quiet >= client.front().len();
+            rests = quiet >= source.viewer().front().len();
             if rests || now() >= options.deadline() {
                 break;
             }
         }
-        let under_way = client.advance(&view, options.morph_pixels().max(0.01) * pixel, MOVES).map_err(|e| failed(&e))?;
+        let under_way =
+            source.viewer_mut().advance(&view, options.morph_pixels().max(0.01) * pixel, MOVES).map_err(|e| failed(&e))?;
         let object = js_sys::Object::new();
         crate::arrays::set(&object, "splits", splits);
         crate::arrays::set(&object, "collapses", collapses);
         crate::arrays::set(&object, "rests", rests && under_way.moving + under_way.turning == 0);
         Ok(JsValue::from(object).unchecked_into())
     }
-    /// True while the server owes an answer.
+    /// True while something is to come.
     #[wasm_bindgen(getter, js_name = isWaiting)]
     pub fn is_waiting(&self) -> bool {
-        self.client.borrow().is_waiting()
+        self.source.borrow().is_waiting()
     }
     /// True until the base mesh is here.
     #[wasm_bindgen(getter, js_name = isEmpty)]
     pub fn is_empty(&self) -> bool {
-        self.client.borrow().is_empty()
+        self.source.borrow().viewer().is_empty()
     }
     /// True once nothing is left to ask for.
     #[wasm_bindgen(getter, js_name = hasAll)]
     pub fn has_all(&self) -> bool {
-        self.client.borrow().has_all()
-    }
-    /// Smallest and largest corner of the bounding box: six numbers.
-    #[wasm_bindgen(getter)]
-    pub fn bounds(&self) -> Vec<f32> {
-        self.client.borrow().extent().concat()
+        self.source.borrow().viewer().has_all()
     }
     /// What is here, and what it took.
     #[wasm_bindgen(getter)]
     pub fn stats(&self) -> ViewStats {
-        let client = self.client.borrow();
+        let source = self.source.borrow();
+        let (viewer, (up, down, requests)) = (source.viewer(), source.traffic());
+        let front = viewer.front();
         let object = js_sys::Object::new();
-        let (up, down) = client.bytes();
         for (name, value) in [
-            ("front", client.front().len() as f64),
-            ("triangles", client.front().mesh().shown().len() as f64),
-            ("known", client.front().known() as f64),
-            ("total", client.total() as f64),
-            ("splits", client.splits() as f64),
+            ("front", front.len() as f64),
+            ("triangles", front.mesh().shown().len() as f64),
+            ("known", front.known() as f64),
+            ("total", viewer.total() as f64),
+            ("splits", viewer.splits() as f64),
             ("bytesUp", up as f64),
             ("bytesDown", down as f64),
-            ("memoryBytes", client.front().memory_bytes() as f64),
-            ("evictions", client.evictions() as f64),
-            ("moving", f64::from(client.front().under_way().moving)),
-            ("coarser", (f64::from(client.allowance()) / 4.0).exp2()),
+            ("requests", requests as f64),
+            ("memoryBytes", front.memory_bytes() as f64),
+            ("evictions", viewer.evictions() as f64),
+            ("moving", f64::from(front.under_way().moving)),
+            ("coarser", (f64::from(viewer.allowance()) / 4.0).exp2()),
         ] {
             crate::arrays::set(&object, name, value);
         }

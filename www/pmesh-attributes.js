@@ -2,7 +2,7 @@
 
 const TEXTS = ["src", "background", "alt", "poster", "loading"];
 const NUMBERS = ["level", "max-triangles", "auto-level", "screen-error", "max-memory"];
-const FLAGS = ["camera-controls", "auto-rotate", "wireframe", "frozen"];
+const FLAGS = ["camera-controls", "auto-rotate", "wireframe", "frozen", "view-dependent"];
 
 export const ATTRIBUTES = [...TEXTS, ...NUMBERS, ...FLAGS, "debug"];
 

@@ -43,6 +43,8 @@ export class PMeshElement extends HTMLElement {
   maxTriangles: number | null;
   /** Pixels of geometric error allowed. */
   autoLevel: number | null;
+  /** src is a file that is refined where it is looked at. */
+  viewDependent: boolean;
   /** Pixels that what is seen may be off by (models that are refined where they are looked at). */
   screenError: number | null;
   /** Megabytes of memory for such a model. */

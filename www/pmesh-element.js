@@ -33,9 +33,10 @@ function prefersStillness() {
  *   coarsest is always shown). Text streams announce no sizes: of them all is downloaded.
  * @attr {number} auto-level - Pixels of geometric error allowed: levels finer than that are neither shown nor downloaded,
  *   unless level asks for one.
- * @attr {number} screen-error - Of a model that is refined where it is looked at (src is the ws: or wss: address of `pmesh serve`): pixels
- *   that what is seen may be off by; 1 by default. level, max-triangles of streams, auto-level and level events do not apply to such models;
- *   max-triangles bounds the front, by a larger error.
+ * @attr {boolean} view-dependent - src is a file that is refined where it is looked at (`pmesh encode --profile views`): what the camera sees is
+ *   fetched by range requests. So is a model whose src is the ws: or wss: address of `pmesh serve`, by a session. level, auto-level and level
+ *   events do not apply to such models; max-triangles bounds what is shown, by a larger error.
+ * @attr {number} screen-error - Of such a model: pixels that what is seen may be off by; 1 by default.
  * @attr {number} max-memory - Of such a model: megabytes that what is known may take; what is not shown is forgotten first.
  * @attr {boolean} frozen - Such a model stays as it is while the camera moves on; the F key switches it with camera-controls.
  * @attr {boolean} camera-controls - Turn and zoom by mouse, touch, wheel and keyboard (arrows, + and -, Home).
@@ -74,7 +75,7 @@ function prefersStillness() {
  * @fires levelchange - The level drawn is another: detail has level and triangles.
  * @fires progress - Bytes arrived: detail has bytes and totalBytes (or null). At most once a frame.
  * @fires refine - A model that is refined where it is looked at has changed, at most once a frame: detail has front (vertices), triangles,
- *   known and total (nodes), splits, splitsPerSecond, bytesUp, bytesDown, memoryBytes, evictions, coarser (times the error asked for), connected,
+ *   known and total (nodes), splits, splitsPerSecond, bytesUp, bytesDown, requests, memoryBytes, evictions, coarser (times the error asked for), connected,
  *   connections, and settled: nothing changes any more until the camera moves.
  * @fires load - Every byte has arrived.
  * @fires error - Loading or drawing failed: detail has code and message. What had arrived stays; where nothing had, the
@@ -193,7 +194,7 @@ export class PMeshElement extends HTMLElement {
   attributeChangedCallback(name, before, now) {
     if (before === now) return;
     switch (name) {
-      case "src":
+      case "src": case "view-dependent":
         this.#reset();
         if (this.isConnected && (this.loading !== "lazy" || this.#visible)) this.#start();
         break;
@@ -316,7 +317,7 @@ export class PMeshElement extends HTMLElement {
     if (this.#started || !src) return;
     this.#started = true;
     this.#say(`${this.alt || "Model"}: loading`);
-    if (ViewPlayer.plays(src)) {
+    if (this.viewDependent || ViewPlayer.plays(src)) {
       const player = this.#makePlayer(src);
       if (!this.#paused) player.start();
       runtime.getRenderer().catch((error) => this.#player === player && this.#failed(error));

@@ -1,6 +1,7 @@
 // What <p-mesh> does with a model that is refined where it is looked at: follows the camera frame by frame, draws the front, counts.
 
 import * as runtime from "./pmesh-runtime.js";
+import { PMeshRanges } from "./pmesh-ranges.js";
 import { PMeshViews } from "./pmesh-views.js";
 
 /** Milliseconds of a frame in which the front is looked through. */
@@ -29,7 +30,8 @@ export class ViewPlayer {
   /** `tell` has wake(): draw again; refined(stats), loaded(), failed(error). */
   constructor(src, tell) {
     this.#tell = tell;
-    this.#views = new PMeshViews(src, {
+    const Transport = PMeshViews.speaks(src) ? PMeshViews : PMeshRanges;
+    this.#views = new Transport(src, {
       arrived: () => {
         this.#settled = this.#rests = false;
         tell.wake();
@@ -38,6 +40,7 @@ export class ViewPlayer {
     });
   }
 
+  /** True for addresses of servers of views; files are told by an attribute. */
   static plays(src) {
     return PMeshViews.speaks(src);
   }
@@ -123,7 +126,7 @@ export class ViewPlayer {
     const n = (x) => Math.round(x).toLocaleString("en");
     return [
       `down      ${n(s.bytesDown)} bytes`,
-      `up        ${n(s.bytesUp)} bytes`,
+      s.requests ? `requests  ${n(s.requests)}` : `up        ${n(s.bytesUp)} bytes`,
       `front     ${n(s.front)} vertices, ${n(s.triangles)} triangles`,
       `known     ${n(s.known)} of ${n(s.total)} nodes, ${(s.memoryBytes / BYTES_A_MEGABYTE).toFixed(1)} MB`,
       `splits    ${n(s.splitsPerSecond ?? 0)} a second`,

@@ -254,13 +254,14 @@ impl Renderer {
     /// Draws the front of a model that is refined where it is looked at, as [`Self::draw`] does; all of it, and no level.
     #[wasm_bindgen(js_name = drawView)]
     pub fn draw_view(&self, model: &ViewModel, options: &DrawOptions) -> Result<DrawResult, JsValue> {
-        let mut client = model.client.borrow_mut();
+        let mut source = model.source.borrow_mut();
+        let viewer = source.viewer_mut();
         let mut fronts = self.fronts.borrow_mut();
         let gpu = fronts.entry(model.id).or_insert_with(|| GpuFront::new(&self.device));
-        let uploaded = gpu.sync(&self.uploader(None), client.front_mut(), options.wireframe())?;
+        let uploaded = gpu.sync(&self.uploader(None), viewer.front_mut(), options.wireframe())?;
         self.uploaded.set(self.uploaded.get() + uploaded as f64);
         let (orbit, width, height) = options.orbit();
-        let [low, high] = client.extent();
+        let [low, high] = viewer.extent();
         let view = orbit.view((low, high));
         let [r, g, b] = color(&options.base_color(), [0.8, 0.8, 0.78]);
         let uniforms = Uniforms {
@@ -273,7 +274,7 @@ impl Renderer {
             morph: [0.0, CREASE_COSINE, 0.0, 0.0],
         };
         self.queue.write_buffer(gpu.uniforms(), 0, &uniforms.to_bytes());
-        let triangles = client.front().mesh().shown().len() as u32;
+        let triangles = viewer.front().mesh().shown().len() as u32;
         let scene = Scene { group: gpu.bind_group(), faces: gpu.faces(), lines: gpu.lines() };
         self.paint(&scene, triangles, options, (width, height))?;
         Ok(result(true, 0, -1.0, triangles))

@@ -10,13 +10,14 @@ const SAMPLES: [&str; 5] = ["globe", "marble", "knot", "part", "tetrahedra"];
 /// Endings of the streams beside .pmesh; the knot is encoded as each.
 const OTHER_STREAMS: [&str; 5] = ["lod.gz", "slod", "pits", "pfs", "x3d"];
 /// Element files that go into the npm package beside the module.
-const ELEMENT_FILES: [&str; 10] = [
+const ELEMENT_FILES: [&str; 11] = [
     "pmesh-element.js",
     "pmesh-element.d.ts",
     "pmesh-attributes.js",
     "pmesh-controls.js",
     "pmesh-image.js",
     "pmesh-loader.js",
+    "pmesh-ranges.js",
     "pmesh-runtime.js",
     "pmesh-template.js",
     "pmesh-view-player.js",
@@ -108,8 +109,18 @@ pub fn samples() -> Result<()> {
     pmesh(&["sample", "knot", "-o", "www/samples/knot-levels.wrl", "--split-levels"])?;
     pmesh(&["sample", "knot", "-o", "www/samples/knot-five.pmesh", "--simplifier", "closest", "--levels", "5"])?;
     pmesh(&["sample", "knot", "-o", "www/samples/knot-fast.pmesh", "--profile", "fast"])?;
+    pmesh(&["--quiet", "sample", "globe", "-o", "www/samples/globe-views.pmesh", "--profile", "views", "--bits", "12"])?;
+    without_views("www/samples/globe")?;
     OTHER_STREAMS.iter().try_for_each(|ending| pmesh(&["sample", "knot", "-o", &format!("www/samples/knot.{ending}")]))?;
     fs::copy("crates/pmesh-codec/tests/data/figure6.lod", "www/samples/figure6.lod").map(|_| ()).map_err(|e| e.to_string())
+}
+
+/// What `…-views.pmesh` holds as a stream without views, `…-whole.pmesh`: the other side of KL04's Figure 8.
+fn without_views(stem: &str) -> Result<()> {
+    let [views, mesh, whole] = ["-views.pmesh", "-whole.ply", "-whole.pmesh"].map(|end| format!("{stem}{end}"));
+    pmesh(&["--quiet", "decode", &views, "-o", &mesh])?;
+    pmesh(&["--quiet", "encode", &mesh, "-o", &whole, "--bits", "12"])?;
+    fs::remove_file(&mesh).map_err(|e| format!("{mesh}: {e}"))
 }
 
 /// Encodes the user's meshes into www/models/ and lists them for the gallery.
@@ -125,6 +136,12 @@ fn user_models(meshes: &[PathBuf]) -> Result<()> {
         let name = format!("{}-{}.pmesh", names.len() + 1, safe);
         pmesh(&["encode", &mesh.to_string_lossy(), "-o", &format!("www/models/{name}")])?;
         names.push(format!("\"{name}\""));
+    }
+    if let Some(first) = meshes.first() {
+        // The gallery's two sides of a view.
+        heading(&format!("encoding {} for views", first.display()));
+        pmesh(&["encode", &first.to_string_lossy(), "-o", "www/models/first-views.pmesh", "--profile", "views", "--bits", "12"])?;
+        without_views("www/models/first")?;
     }
     fs::write(folder.join("index.json"), format!("[{}]", names.join(", "))).map_err(|e| e.to_string())
 }

@@ -1,6 +1,7 @@
 //! `pmesh encode`: a mesh to a stream.
 
 mod compact;
+mod views;
 mod write;
 
 use write::warn_of_positions_only;
@@ -25,7 +26,7 @@ use std::path::{Path, PathBuf};
 /// Encode a mesh (OBJ, PLY, STL, OFF, glTF, GLB, VRML97, X3D) as a progressive stream, or convert a stream to another
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  pmesh encode statue.obj -o statue.pmesh\n  pmesh encode scan.ply -o scan.pmesh --bits 12 --growth 2\n  pmesh encode part.stl -o part.lod.gz --levels 8\n  pmesh encode bust.glb -o bust.pmesh --bits none   every float bit for bit\n  pmesh encode bust.glb -o bust.pmesh --profile fast   for fast links and slow processors\n  pmesh encode chair.obj -o chair.slod              a level a vertex (SS97)\n  pmesh convert bust.pmesh -o bust.x3d              any stream to any other"
+    after_help = "Examples:\n  pmesh encode statue.obj -o statue.pmesh\n  pmesh encode scan.ply -o scan.pmesh --bits 12 --growth 2\n  pmesh encode part.stl -o part.lod.gz --levels 8\n  pmesh encode bust.glb -o bust.pmesh --bits none   every float bit for bit\n  pmesh encode bust.glb -o bust.pmesh --profile fast   for fast links and slow processors\n  pmesh encode city.glb -o city.pmesh --profile views   for <p-mesh view-dependent>\n  pmesh encode chair.obj -o chair.slod              a level a vertex (SS97)\n  pmesh convert bust.pmesh -o bust.x3d              any stream to any other"
 )]
 pub struct Args {
     /// The mesh, or a stream, whose levels are kept where the output can hold them
@@ -133,6 +134,9 @@ enum Profile {
     /// The fastest decoder, some six times as fast: whole sooner on links above some 20 Mbit/s and on slow processors. Refines what is not
     /// manifold, too
     Fast,
+    /// A hierarchy in blocks, of which <p-mesh view-dependent> fetches what the camera sees, from any server of files. Several times as many
+    /// bytes in all; positions only
+    Views,
 }
 
 impl Stream {
@@ -196,7 +200,9 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
         let stream = input::decode_whole(&args.input, &bytes)?;
         stream.warn(&args.input);
         // What is exact stays exact, and what is on a grid stays on one as fine, unless something else is asked for.
-        how.bits = how.bits.or(stream.receiver.info().map(|i| Bits(i.position_bits)));
+        let views = input::views_head(&bytes);
+        let bits = views.as_ref().map(|h| h.base.grid.position_bits).or(stream.receiver.info().map(|i| i.position_bits));
+        how.bits = how.bits.or(bits.map(Bits));
         // And compact stays compact.
         let is_compact = stream.receiver.info().is_some_and(|i| i.format.starts_with("compact"));
         if is_compact && kind == Stream::Pmesh && args.how.asks_for_nothing() {
@@ -211,9 +217,9 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
             how.profile = Some(Profile::Prefix);
         }
         // Patches, forests and what is compact are levels of their own kind.
-        let compact = matches!(how.profile, Some(Profile::Prefix | Profile::Size));
+        let compact = matches!(how.profile, Some(Profile::Prefix | Profile::Size | Profile::Views));
         let own_kind = kind.finds_its_own_levels() || (kind == Stream::Pmesh && compact);
-        let levels = if own_kind || stream.is_plain_scene() { None } else { kept_levels(&stream) };
+        let levels = if own_kind || stream.is_plain_scene() || views.is_some() { None } else { kept_levels(&stream) };
         // A .pmesh has no table for a level a vertex: it gets levels of its own.
         match levels.filter(|l| kind != Stream::Pmesh || l.levels.len() < 64) {
             Some(levels) => {
@@ -387,7 +393,7 @@ impl How {
         match self.profile {
             Some(Profile::Prefix) => Some(simplify::Profile::Prefix),
             Some(Profile::Size) => Some(simplify::Profile::Size),
-            Some(Profile::Fast) => None,
+            Some(Profile::Fast | Profile::Views) => None,
             None if self.levels.is_some() || self.growth.is_some() || self.simplifier.is_some() => None,
             None => Some(simplify::Profile::Prefix),
         }
@@ -428,6 +434,9 @@ pub fn encode_model(mut model: Model, input: &Path, output: &Path, how: &How, qu
     let kind = Stream::of(output, how)?;
     if how.split_levels && !kind.finds_its_own_levels() {
         eprintln!("warning: {}: --split-levels is for scenes (.wrl, .x3dv, .x3d); it has no effect here", output.display());
+    }
+    if kind == Stream::Pmesh && how.profile == Some(Profile::Views) {
+        return views::write(&model, input, output, how, quiet);
     }
     match (kind, how.compact()) {
         (Stream::Patch | Stream::Split | Stream::Nodes, _) => return write_refinements(model, input, output, how, quiet),

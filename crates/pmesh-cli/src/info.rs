@@ -81,7 +81,11 @@ pub fn run(args: &Args) -> Result<()> {
     }
     stream.receiver.mesh_mut().shrink_to_fit();
     let mesh = stream.receiver.mesh();
-    let info = stream.receiver.info().cloned().unwrap_or_default();
+    let mut info = stream.receiver.info().cloned().unwrap_or_default();
+    if let Some(Ok(head)) = pmesh_view::is_file(&bytes).then(|| pmesh_view::Head::read(&bytes)).and_then(std::result::Result::ok)
+    {
+        (info.format, info.position_bits) = ("hierarchy for views (.pmesh, version 2)", head.base.grid.position_bits);
+    }
     let count = mesh.level_count();
     let mut rows = Vec::new();
     for level in (mesh.finest_level()..count).rev() {

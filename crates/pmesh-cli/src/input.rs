@@ -2,7 +2,8 @@
 
 use crate::error::{CliError, Result};
 use pmesh_build::import::{Model, import};
-use pmesh_codec::{Arrival, DecodeError, Receiver, Texture};
+use pmesh_codec::{Arrival, DecodeError, Place, Receiver, Texture};
+use pmesh_core::Level;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -59,6 +60,10 @@ pub fn decode(bytes: &[u8], whole: bool) -> Stream {
         level_bytes: vec![],
         error: None,
     };
+    if pmesh_view::is_file(bytes) {
+        stream.error = views(bytes, &mut stream).err();
+        return stream;
+    }
     // Small pushes, so that the byte count at which a level is complete is close.
     let pushed = bytes.chunks(256).try_for_each(|chunk| {
         let result = stream.receiver.push(chunk);
@@ -69,6 +74,21 @@ pub fn decode(bytes: &[u8], whole: bool) -> Stream {
     drain(&mut stream);
     stream.error = result.err();
     stream
+}
+
+/// What stands at the head of a file for views; `None` of other files.
+pub fn views_head(bytes: &[u8]) -> Option<pmesh_view::Head> {
+    pmesh_view::is_file(bytes).then(|| pmesh_view::Head::read(bytes).ok()?.ok()).flatten()
+}
+
+/// A file for views: all of it, as one level.
+fn views(bytes: &[u8], stream: &mut Stream) -> std::result::Result<(), DecodeError> {
+    let failed = |message: String| DecodeError::Syntax { place: Place::Byte(bytes.len() as u64), message };
+    let mesh = pmesh_view::read_whole(bytes).map_err(|e| failed(e.to_string()))?;
+    let level = Level { vertices: mesh.vertices, triangles: mesh.triangles, ..Default::default() };
+    stream.receiver.mesh_mut().add_level(&level).map_err(|e| failed(e.to_string()))?;
+    stream.level_bytes.push(bytes.len() as u64);
+    Ok(())
 }
 
 fn drain(stream: &mut Stream) {

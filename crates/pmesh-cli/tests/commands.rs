@@ -113,3 +113,25 @@ fn converting_keeps_levels_that_sharpen() {
         assert_eq!(levels(&converted), levels(&first));
     }
 }
+
+#[test]
+fn a_file_for_views_is_a_mesh_again_and_says_what_it_is() {
+    let at = folder("views");
+    let colors = pmesh(&at, "sample marble -o marble.pmesh --profile views");
+    assert!(String::from_utf8_lossy(&colors.stderr).contains("colours are not carried"), "what is left out is told: {colors:?}");
+    printed(&at, "sample part -o part.ply");
+    let said = pmesh(&at, "encode part.ply -o part.pmesh --profile views --bits 12");
+    assert!(said.status.success() && said.stderr.is_empty(), "{said:?}");
+    let line = String::from_utf8_lossy(&said.stdout).into_owned();
+    assert!(count(&line, "splits") > 1000, "{line}");
+    let info = printed(&at, "info part.pmesh");
+    assert!(info.contains("for views") && info.contains("12 bits a coordinate"), "{info}");
+    let triangles = count(&printed(&at, "sample part -o again.ply"), "triangles");
+    assert_eq!(count(&printed(&at, "decode part.pmesh -o back.obj"), "triangles"), triangles);
+    printed(&at, "convert part.pmesh -o plain.pmesh");
+    assert!(printed(&at, "info plain.pmesh").contains("compact"));
+    let bytes = std::fs::read(at.join("part.pmesh")).expect("it was written");
+    std::fs::write(at.join("cut.pmesh"), &bytes[..bytes.len() - 9]).expect("it can be written");
+    let cut = pmesh(&at, "decode cut.pmesh -o cut.obj");
+    assert!(cut.status.code() == Some(1) && String::from_utf8_lossy(&cut.stderr).contains("in the middle of a block"), "{cut:?}");
+}

@@ -1,6 +1,6 @@
 //! The one interface of all decoders, and the choice among them by the first bytes.
 
-use crate::{DecodeError, gzip::GzipDecoder, patch, pmesh::PmeshDecoder, scene, slod, split, text::TextDecoder};
+use crate::{DecodeError, Place, gzip::GzipDecoder, patch, pmesh::PmeshDecoder, scene, slod, split, text::TextDecoder};
 use pmesh_core::{AttributeSet, Level};
 
 /// A level as the stream's own table announces it.
@@ -115,6 +115,11 @@ impl Sniffer {
         let starts = |sig: &[u8]| sig.starts_with(seen) || seen.starts_with(sig);
         if starts(signature) {
             // The version follows.
+            if seen.get(signature.len()) == Some(&crate::pmesh::VIEWS_VERSION) {
+                let message =
+                    "a file for views: <p-mesh src=\"…\" view-dependent> shows it, pmesh decode makes a mesh of it".into();
+                return Err(DecodeError::Syntax { place: Place::Byte(signature.len() as u64), message });
+            }
             return Ok(seen.get(signature.len()).map(|&version| match version {
                 crate::pmesh::VERSION => Box::new(PmeshDecoder::new()) as Box<_>,
                 // The newest, which refuses what is newer still.

@@ -7,6 +7,8 @@ mod metrics;
 mod models;
 mod session;
 
+pub use models::model_of;
+
 use axum::Router;
 use axum::body::Body;
 use axum::extract::ws::WebSocketUpgrade;

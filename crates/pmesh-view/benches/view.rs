@@ -12,7 +12,7 @@ use pmesh_codec::compact;
 use pmesh_codec::pmesh::{Quantisation, quantise};
 use pmesh_core::hierarchy::{Bounds, NONE, View};
 use pmesh_core::{IndexedMesh, Vertices};
-use pmesh_view::{Client, Model, Session};
+use pmesh_view::{Client, FileClient, Model, Session, write_file};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -56,6 +56,19 @@ fn settle(client: &mut Client, session: &mut Option<Session>, model: &Arc<Model>
         }
         if !sent && progress.splits + progress.collapses == 0 {
             return Ok(seconds);
+        }
+    }
+}
+
+/// The same from a file, by ranges.
+fn settle_file(client: &mut FileClient, file: &[u8], view: &View) -> Outcome<()> {
+    loop {
+        while let Some((start, end)) = client.poll() {
+            client.receive(start, &file[start as usize..file.len().min(end as usize)])?;
+        }
+        let progress = client.refine(view, u32::MAX)?;
+        if progress.splits + progress.collapses == 0 && !client.is_waiting() && !progress.wants_more {
+            return Ok(());
         }
     }
 }
@@ -127,6 +140,19 @@ fn run(mesh: &IndexedMesh, name: &str, plots: Option<&Path>) -> Outcome<serde_js
     // Fixed views (Figure 8): of all, of the uppermost part, of a piece of that.
     let middle = [(low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0, high[2]];
     let above = [middle[0], high[1] - 0.12 * (high[1] - low[1]), high[2]];
+    let start = Instant::now();
+    let (packed, _) = write_file(&model);
+    let seconds = start.elapsed().as_secs_f64();
+    let (mut client, mut session) = (Client::new(name), None);
+    settle(&mut client, &mut session, &model, &View::everything())?;
+    let whole = client.bytes().1;
+    let overhead = packed.len() as f64 / whole as f64 - 1.0;
+    println!(
+        "  as a file of blocks {} bytes, packed in {seconds:.1} s: {:.1} % more than a session of all of it ({whole}), {:.2} x the .pmesh without views",
+        packed.len(),
+        100.0 * overhead,
+        packed.len() as f64 / file.len() as f64
+    );
     let mut fixed = Vec::new();
     for (what, target, far) in [("whole", middle, 1.6), ("near", above, 0.45), ("close", above, 0.12)] {
         let distance = far * size;
@@ -150,7 +176,15 @@ fn run(mesh: &IndexedMesh, name: &str, plots: Option<&Path>) -> Outcome<serde_js
             plain as f64 / down as f64,
             all as f64 * PAPER_SPLIT[1] / (splits * PAPER_SPLIT[0])
         );
-        fixed.push(json!({ "view": what, "splits": splits, "faces": client.front().mesh().shown().len(), "bytes_up": up, "bytes_down": down, "splits_without_views": all,
+        let mut blocks = FileClient::default();
+        settle_file(&mut blocks, &packed, &view)?;
+        let (requests, fetched) = blocks.traffic();
+        println!(
+            "    from the file: {requests} requests, {fetched} bytes, {:.2} x a session's; {:.2} x without views",
+            fetched as f64 / down as f64,
+            plain as f64 / fetched as f64
+        );
+        fixed.push(json!({ "view": what, "file_requests": requests, "file_bytes": fetched, "splits": splits, "faces": client.front().mesh().shown().len(), "bytes_up": up, "bytes_down": down, "splits_without_views": all,
             "bytes_without_views": plain, "bytes_ratio": plain as f64 / down as f64, "bytes_ratio_of_papers_packets": all as f64 * PAPER_SPLIT[1] / (splits * PAPER_SPLIT[0]),
             "bytes_per_split": (down as f64 - base) / splits.max(1.0) }));
     }
@@ -229,6 +263,7 @@ fn run(mesh: &IndexedMesh, name: &str, plots: Option<&Path>) -> Outcome<serde_js
         "fixed": fixed, "bytes_ratio": fixed[2]["bytes_ratio"], "lap_bytes_up": laps[0].0, "lap_bytes_down": laps[0].1,
         "second_lap_bytes": laps[1].0 + laps[1].1, "tags_over_front": tags_ratio, "front": front_most, "session_bytes": memory, "splits": splits,
         "bytes_per_split": per_split, "steps_a_second": rate,
+        "file_bytes": packed.len(), "file_overhead": overhead, "file_over_pmesh": packed.len() as f64 / file.len() as f64,
     }))
 }
 

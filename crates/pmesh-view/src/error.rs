@@ -25,6 +25,12 @@ pub enum ProtocolError {
         /// What the message says.
         found: u64,
     },
+    /// Of a file: the checksum is another.
+    #[error("byte {at} of the file and what follows is damaged, or the file has changed since; load it anew")]
+    Damaged {
+        /// First byte of the part that is damaged.
+        at: u64,
+    },
     /// A view that is none.
     #[error(transparent)]
     View(#[from] ViewError),

@@ -11,6 +11,7 @@ pub struct Model {
     hierarchy: VertexHierarchy,
     grid: Quantisation,
     base: Vec<u8>,
+    extent: [[f32; 3]; 2],
     fingerprint: u64,
 }
 
@@ -61,7 +62,7 @@ impl Model {
             total: hierarchy.nodes().len() as u64,
             extent,
         };
-        Ok(Self { base: message::base(&base), hierarchy, grid, fingerprint })
+        Ok(Self { base: message::base(&base), hierarchy, grid, extent, fingerprint })
     }
     /// The hierarchy.
     pub fn hierarchy(&self) -> &VertexHierarchy {
@@ -74,6 +75,10 @@ impl Model {
     /// Names this model, and this state of it.
     pub fn fingerprint(&self) -> u64 {
         self.fingerprint
+    }
+    /// Smallest and largest corner of the box about all of it.
+    pub fn extent(&self) -> [[f32; 3]; 2] {
+        self.extent
     }
     /// The message with the base mesh.
     pub fn base(&self) -> &[u8] {

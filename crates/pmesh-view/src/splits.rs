@@ -11,7 +11,7 @@ use crate::model::Model;
 use crate::tags::ActiveTags;
 use pmesh_codec::pmesh::Quantisation;
 use pmesh_codec::range::{Chance, Coder, Encoder, RangeDecoder};
-use pmesh_core::hierarchy::{Bounds, Front, NodeId, Split};
+use pmesh_core::hierarchy::{Bounds, Front, NONE, NodeId, Split};
 use std::collections::HashSet;
 
 /// Most splits of a packet.
@@ -41,6 +41,16 @@ pub struct Spent {
     pub bounds: f64,
 }
 
+impl Spent {
+    /// Adds what others took.
+    pub fn add(&mut self, other: &Self) {
+        self.names += other.names;
+        self.positions += other.positions;
+        self.cuts += other.cuts;
+        self.bounds += other.bounds;
+    }
+}
+
 /// What is learnt from packet to packet; both ends have the same.
 #[derive(Clone, Debug)]
 pub struct SplitModels {
@@ -48,8 +58,8 @@ pub struct SplitModels {
     pub spent: Spent,
     /// Below which children there are splits.
     below: [Chance; 4],
-    /// A new child splits too.
-    again: [[Chance; SIZES]; 2],
+    /// A new child splits too; the last of roots of a block.
+    again: [[Chance; SIZES]; 3],
     present: [Chance; 4],
     which: [[Chance; 8]; 2],
     up: Number,
@@ -78,7 +88,7 @@ impl Default for SplitModels {
         Self {
             spent: Spent::default(),
             below: [chance; 4],
-            again: [[chance; SIZES]; 2],
+            again: [[chance; SIZES]; 3],
             present: [chance; 4],
             which: [[chance; 8]; 2],
             up: number,
@@ -111,7 +121,7 @@ fn signed(coder: &mut impl Coder, model: &mut Number, value: i32) -> i32 {
 }
 
 /// One end of a packet, while it is written or read: what the client has so far.
-trait Side {
+pub(crate) trait Side {
     fn roots(&self) -> u32;
     /// The first child of a node that has them here.
     fn child(&self, i: u32) -> Option<u32>;
@@ -131,14 +141,15 @@ trait Side {
     fn unit(&self) -> f64;
 }
 
-struct Writing<'a> {
-    model: &'a Model,
-    /// After the packet.
-    tags: &'a ActiveTags,
-    /// Splits of the packet that are not written yet.
-    pending: HashSet<u32>,
-    /// All splits of the packet, and what is above them.
-    wanted: HashSet<u32>,
+/// The end that has the model.
+pub(crate) struct Writing<'a> {
+    pub(crate) model: &'a Model,
+    /// Splits to be written, and what is above them.
+    pub(crate) wanted: HashSet<u32>,
+    /// Splits that are written.
+    pub(crate) done: HashSet<u32>,
+    /// Splits that the other end counts on beside these.
+    pub(crate) knew: &'a dyn Fn(u32) -> bool,
 }
 
 impl Side for Writing<'_> {
@@ -146,14 +157,10 @@ impl Side for Writing<'_> {
         self.model.hierarchy().root_count()
     }
     fn child(&self, i: u32) -> Option<u32> {
-        if self.tags.contains(i) || self.pending.contains(&i) {
-            return None;
-        }
-        self.model.hierarchy().node(i).map(|n| n.child)
+        (self.done.contains(&i) || (self.knew)(i)).then(|| self.model.hierarchy().nodes()[i as usize].child)
     }
     fn parent(&self, i: u32) -> Option<u32> {
-        let parent = self.model.hierarchy().node(i)?.parent;
-        (i >= self.roots()).then_some(parent)
+        Some(self.model.hierarchy().nodes()[i as usize].parent).filter(|&p| p != NONE)
     }
     fn id(&self, i: u32) -> NodeId {
         self.model.hierarchy().id(i).unwrap_or(NodeId::root(0))
@@ -162,7 +169,7 @@ impl Side for Writing<'_> {
         self.model.row(i)
     }
     fn bounds(&self, i: u32) -> Bounds {
-        self.model.hierarchy().node(i).map_or(Bounds::default(), |n| n.bounds)
+        self.model.hierarchy().nodes()[i as usize].bounds
     }
     fn cuts(&self, i: u32) -> [Option<NodeId>; 2] {
         self.model.cuts(i)
@@ -174,7 +181,7 @@ impl Side for Writing<'_> {
         Some(split_of(self.model, i))
     }
     fn add(&mut self, i: u32, _: &Split) -> Result<u32, ProtocolError> {
-        self.pending.remove(&i);
+        self.done.insert(i);
         Ok(self.model.hierarchy().nodes()[i as usize].child)
     }
     fn grid(&self) -> &Quantisation {
@@ -193,11 +200,24 @@ pub fn split_of(model: &Model, i: u32) -> Split {
     Split { id: h.id(i).unwrap_or(NodeId::root(0)), cuts: model.cuts(i), position: h.position(child + 1), bounds }
 }
 
-struct Reading<'a> {
-    front: &'a mut Front,
+/// The end that learns.
+pub(crate) struct Reading<'a> {
+    pub(crate) front: &'a mut Front,
+    pub(crate) grid: &'a Quantisation,
     /// Nodes of the whole hierarchy.
-    total: u64,
-    grid: &'a Quantisation,
+    pub(crate) total: u64,
+    pub(crate) scope: Option<Scope<'a>>,
+}
+
+/// What a block may be told by, of all that the client knows.
+pub(crate) struct Scope<'a> {
+    /// Block of each split that is known, in their order.
+    pub(crate) block_of: &'a mut Vec<u32>,
+    pub(crate) block: u32,
+    /// The blocks above it.
+    pub(crate) chain: Vec<u32>,
+    /// Nodes whose split has been read.
+    pub(crate) done: HashSet<u32>,
 }
 
 impl Side for Reading<'_> {
@@ -205,10 +225,13 @@ impl Side for Reading<'_> {
         self.front.root_count()
     }
     fn child(&self, i: u32) -> Option<u32> {
-        self.front.node(i).map(|n| n.child).filter(|&c| c != pmesh_core::hierarchy::NONE)
+        let child = self.front.node(i).map(|n| n.child).filter(|&c| c != NONE)?;
+        let Some(scope) = &self.scope else { return Some(child) };
+        let block = scope.block_of.get((child - self.front.root_count()) as usize / 2);
+        (scope.done.contains(&i) || block.is_some_and(|b| scope.chain.contains(b))).then_some(child)
     }
     fn parent(&self, i: u32) -> Option<u32> {
-        self.front.node(i).map(|n| n.parent).filter(|&p| p != pmesh_core::hierarchy::NONE)
+        self.front.node(i).map(|n| n.parent).filter(|&p| p != NONE)
     }
     fn id(&self, i: u32) -> NodeId {
         self.front.id(i)
@@ -228,12 +251,22 @@ impl Side for Reading<'_> {
     fn truth(&self, _: u32) -> Option<Split> {
         None
     }
-    fn add(&mut self, _: u32, split: &Split) -> Result<u32, ProtocolError> {
+    fn add(&mut self, i: u32, split: &Split) -> Result<u32, ProtocolError> {
+        if let Some(scope) = &mut self.scope {
+            scope.done.insert(i);
+            // A part of a block may be here already.
+            if let Some(child) = self.front.node(i).map(|n| n.child).filter(|&c| c != NONE) {
+                return Ok(child);
+            }
+        }
         let child = self.front.known() as u32;
         if u64::from(child) + 2 > self.total {
             return Err(ProtocolError::Unexpected("more nodes than the base mesh announces"));
         }
         self.front.learn(split)?;
+        if let Some(scope) = &mut self.scope {
+            scope.block_of.push(scope.block);
+        }
         Ok(child)
     }
     fn grid(&self) -> &Quantisation {
@@ -253,7 +286,8 @@ pub fn write(models: &mut SplitModels, model: &Model, tags: &ActiveTags, splits:
             at = model.hierarchy().node(i).map(|n| n.parent);
         }
     }
-    let mut side = Writing { model, tags, pending: splits.iter().copied().collect(), wanted };
+    let new: HashSet<u32> = splits.iter().copied().collect();
+    let mut side = Writing { model, wanted, done: HashSet::new(), knew: &|i| !tags.contains(i) && !new.contains(&i) };
     let mut coder = Encoder::new();
     // What is written is what was asked for: nothing can be wrong with it.
     let written = walk(&mut coder, models, &mut side, splits.len() as u32);
@@ -269,10 +303,10 @@ pub fn read(
     bytes: &[u8],
 ) -> Result<u32, ProtocolError> {
     let mut coder = RangeDecoder::new(bytes.to_vec());
-    walk(&mut coder, models, &mut Reading { front, total, grid }, 0)
+    walk(&mut coder, models, &mut Reading { front, total, grid, scope: None }, 0)
 }
 
-fn syntax<T>(coder: &impl Coder, what: &'static str) -> Result<T, ProtocolError> {
+pub(crate) fn syntax<T>(coder: &impl Coder, what: &'static str) -> Result<T, ProtocolError> {
     Err(ProtocolError::Syntax { at: coder.byte_position(), what })
 }
 
@@ -282,7 +316,7 @@ enum Visit {
     New(u32, usize),
 }
 
-fn walk<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &mut impl Side, count: u32) -> Result<u32, ProtocolError> {
+fn walk<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &mut dyn Side, count: u32) -> Result<u32, ProtocolError> {
     let mut before = coder.position();
     let announced = coder.raw(17, count);
     if announced > PACKET_LIMIT {
@@ -338,14 +372,50 @@ fn walk<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &mut impl Side, coun
     Ok(done)
 }
 
+/// A block: splits below `roots`, `count` in all, in the order of a walk. Gives the nodes where the walk ended before the end of the tree, in that order; what lies below them is in other blocks.
+pub(crate) fn walk_block<C: Coder>(
+    coder: &mut C,
+    m: &mut SplitModels,
+    side: &mut dyn Side,
+    roots: &[u32],
+    count: u32,
+) -> Result<Vec<u32>, ProtocolError> {
+    let (mut ends, mut done) = (Vec::new(), 0);
+    let mut stack: Vec<(u32, usize)> = roots.iter().rev().map(|&i| (i, 2)).collect();
+    while let Some((node, kind)) = stack.pop() {
+        if side.bounds(node).is_leaf() {
+            continue;
+        }
+        let before = coder.position();
+        let size = size_of_node(side, node);
+        let splits = done < count && coder.bit(&mut m.again[kind][size], side.is_wanted(node));
+        m.spent.names += coder.position() - before;
+        if !splits {
+            ends.push(node);
+            continue;
+        }
+        let split = code(coder, m, side, node)?;
+        let child = side.add(node, &split)?;
+        done += 1;
+        if coder.ran_out() {
+            return syntax(coder, "it ends before all that it announces");
+        }
+        stack.extend([(child + 1, 1), (child, 0)]);
+    }
+    if done < count {
+        return syntax(coder, "fewer splits than it announces");
+    }
+    Ok(ends)
+}
+
 /// Class of a node by its radius.
-fn size_of_node(side: &impl Side, i: u32) -> usize {
+pub(crate) fn size_of_node(side: &dyn Side, i: u32) -> usize {
     let step = if side.grid().position_bits.is_some() { side.grid().position_step } else { 1.0 };
     let steps = Bounds::length(side.bounds(i).radius, side.unit()) / step;
     (32 - (steps.min(1e9) as u32).leading_zeros()).min(SIZES as u32 - 1) as usize
 }
 
-fn code<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &impl Side, i: u32) -> Result<Split, ProtocolError> {
+pub(crate) fn code<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &dyn Side, i: u32) -> Result<Split, ProtocolError> {
     let (truth, start) = (side.truth(i), coder.position());
     let (id, own, bounds, size) = (side.id(i), side.row(i), side.bounds(i), size_of_node(side, i));
     let blue = truth.map_or([0; 3], |t| side.grid().position_row(t.position));
@@ -408,7 +478,7 @@ fn code<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &impl Side, i: u32) 
 }
 
 /// Names that the cuts of node `i` may lie near: its sibling, and the cuts of those above.
-fn candidates(side: &impl Side, i: u32) -> Vec<NodeId> {
+fn candidates(side: &dyn Side, i: u32) -> Vec<NodeId> {
     let mut known = Vec::with_capacity(CANDIDATES + 1);
     let mut at = i;
     for step in 0..ANCESTORS {
@@ -435,7 +505,7 @@ fn common(a: NodeId, b: NodeId) -> Option<u32> {
 fn cut<C: Coder>(
     coder: &mut C,
     m: &mut SplitModels,
-    side: &impl Side,
+    side: &dyn Side,
     (k, known): (usize, &[NodeId]),
     truth: Option<NodeId>,
     middle: [i64; 3],

@@ -1,54 +1,15 @@
 //! A client and servers over a simulated link: G.20, G.22, G.24, G.25.
 
-use pmesh_build::hierarchy::hierarchy;
+mod common;
+
+use common::{BITS, lap, model_of, of, part, plain, shown};
 use pmesh_build::sample::{knot, sample};
-use pmesh_build::simplify::{BatchOptions, collapse_batches};
-use pmesh_codec::pmesh::{Quantisation, quantise};
-use pmesh_core::IndexedMesh;
+use pmesh_codec::pmesh::quantise;
 use pmesh_core::hierarchy::View;
 use pmesh_view::message::{self, Request};
-use pmesh_view::{Client, Model, Session};
+use pmesh_view::{Client, Limits, Model, Session};
 use proptest::prelude::*;
-use std::sync::{Arc, OnceLock};
-
-const BITS: u8 = 12;
-
-fn plain(mesh: IndexedMesh) -> IndexedMesh {
-    let mut plain = IndexedMesh { triangles: mesh.triangles, ..Default::default() };
-    plain.vertices.positions = mesh.vertices.positions;
-    plain
-}
-fn model_of(mesh: &IndexedMesh, bits: Option<u8>) -> Arc<Model> {
-    let grid = Quantisation::fit(&mesh.vertices, bits);
-    let mesh = quantise(mesh, bits);
-    let stream = collapse_batches(&mesh, BatchOptions::default(), |_| ());
-    Arc::new(Model::new(hierarchy(&mesh, &stream).expect("a hierarchy"), grid).expect("on its grid"))
-}
-fn part() -> (IndexedMesh, Arc<Model>) {
-    static PART: OnceLock<(IndexedMesh, Arc<Model>)> = OnceLock::new();
-    let make = || {
-        let mesh = quantise(&plain(sample("part").expect("a sample").mesh), Some(BITS));
-        let model = model_of(&mesh, Some(BITS));
-        (mesh, model)
-    };
-    PART.get_or_init(make).clone()
-}
-
-/// Some way about a model, and back, twice: the paper's lap.
-fn lap(model: &Model, steps: u32) -> Vec<View> {
-    let positions: Vec<_> = (0..model.hierarchy().nodes().len() as u32).map(|i| model.hierarchy().position(i)).collect();
-    let bound = |f: fn(f32, f32) -> f32, from: f32| [0, 1, 2].map(|k| positions.iter().map(|p| p[k]).fold(from, f));
-    let (low, high) = (bound(f32::min, f32::INFINITY), bound(f32::max, f32::NEG_INFINITY));
-    let centre = [0, 1, 2].map(|k| (low[k] + high[k]) / 2.0);
-    let size = (0..3).map(|k| high[k] - low[k]).fold(0.0, f32::max);
-    let at = |i: u32| {
-        let a = i as f32 / steps as f32 * std::f32::consts::TAU;
-        let d = size * (1.2 + 0.9 * a.cos());
-        let eye = [centre[0] + d * a.sin(), centre[1] + 0.3 * size, centre[2] + d * a.cos()];
-        View::look_at(eye, centre, [0.0, 1.0, 0.0], [0.4, 1.5, 0.002]).expect("a view")
-    };
-    (0..steps).map(at).collect()
-}
+use std::sync::Arc;
 
 /// Lets both ends talk until neither has anything to say; messages are lost after `most` bytes down.
 fn talk(client: &mut Client, session: &mut Option<Session>, model: &Arc<Model>, view: &View, most: &mut u64) {
@@ -77,20 +38,6 @@ fn talk(client: &mut Client, session: &mut Option<Session>, model: &Arc<Model>, 
     }
     let p = (0..4).map(|_| client.refine(view, u32::MAX)).collect::<Vec<_>>();
     panic!("they talk for ever: {p:?} waiting {} front {}", client.is_waiting(), client.front().len());
-}
-
-fn sorted(triangles: impl Iterator<Item = [[u32; 3]; 3]>) -> Vec<[[u32; 3]; 3]> {
-    let mut all: Vec<_> = triangles.map(|[a, b, c]| [a, b, c].min([b, c, a]).min([c, a, b])).collect();
-    all.sort_unstable();
-    all
-}
-fn shown(client: &Client) -> Vec<[[u32; 3]; 3]> {
-    let front = client.front();
-    let at = |v: u32| front.positions()[v as usize].map(f32::to_bits);
-    sorted(front.mesh().shown().iter().filter_map(|&t| front.mesh().triangle(t)).map(|t| t.map(at)))
-}
-fn of(mesh: &IndexedMesh) -> Vec<[[u32; 3]; 3]> {
-    sorted(mesh.triangles.iter().map(|t| t.map(|v| mesh.vertices.positions[v as usize].map(f32::to_bits))))
 }
 
 #[test]
@@ -159,6 +106,33 @@ fn g20_after_a_break_any_server_goes_on_from_what_the_client_has() {
     talk(&mut client, &mut session, &model, &View::everything(), &mut u64::MAX.clone());
     assert!(client.has_all());
     assert_eq!(shown(&client), of(&mesh));
+}
+
+#[test]
+fn limits_are_kept_by_a_coarser_tolerance_and_by_forgetting() {
+    let (_, model) = part();
+    let views = lap(&model, 24);
+    let (mut free, mut one) = (Client::new("part"), None);
+    views.iter().for_each(|v| talk(&mut free, &mut one, &model, v, &mut u64::MAX.clone()));
+    let memory = free.front().memory_bytes() * 2 / 3;
+    let (mut tight, mut session) = (Client::new("part"), None);
+    tight.set_limits(Limits { memory, triangles: usize::MAX });
+    for view in views.iter().chain(&views) {
+        talk(&mut tight, &mut session, &model, view, &mut u64::MAX.clone());
+        tight.front().mesh().check_invariants();
+        assert!(tight.front().memory_bytes() <= memory, "{} of {memory}", tight.front().memory_bytes());
+    }
+    let evictions = tight.viewer().evictions();
+    println!("{evictions} times forgotten; {} splits received, {} without a limit", tight.splits(), free.splits());
+    assert!(evictions > 0 && tight.splits() > free.splits());
+    // What the server thinks of is what is there.
+    let own: Vec<_> = tight.front().leaves().map(|id| model.hierarchy().find(id).expect("a node")).collect();
+    let tags = session.as_ref().expect("a session").tags();
+    assert!(own.len() as u64 == tags.len() && own.iter().all(|&i| tags.contains(i)));
+    let few = free.front().triangles() / 3;
+    tight.set_limits(Limits { memory, triangles: few });
+    talk(&mut tight, &mut session, &model, &views[0], &mut u64::MAX.clone());
+    assert!(tight.front().triangles() <= few + 20 && tight.viewer().allowance() > 0);
 }
 
 #[test]

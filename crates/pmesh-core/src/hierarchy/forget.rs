@@ -5,8 +5,9 @@ use super::{Front, NONE};
 
 impl Front {
     /// Forgets all nodes below the front: what is shown stays, memory is given back, and what is needed again must be learnt again. Numbers of nodes, vertices and
-    /// triangles are others after it, so all of them count as changed. O(known).
-    pub fn forget_below(&mut self) {
+    /// triangles are others after it, so all of them count as changed. Gives the new number of each
+    /// split (of the node pair from `root_count() + 2 i` on), or `None` if it is forgotten. O(known).
+    pub fn forget_below(&mut self) -> Vec<Option<u32>> {
         let roots = self.roots as usize;
         // Of each node: something below it is in the front.
         let mut is_above = vec![false; self.known.len()];
@@ -54,5 +55,7 @@ impl Front {
             g.rename(vertex);
         }
         (self.known, self.front, self.cursor) = (known, front, 0);
+        self.wanted.clear();
+        splits
     }
 }

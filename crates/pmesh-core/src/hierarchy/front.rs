@@ -74,6 +74,8 @@ pub struct Front {
     /// Where in the list the next look begins.
     pub(super) cursor: usize,
     stack: Vec<u32>,
+    /// Nodes without children here that were too coarse, when last looked at.
+    pub(super) wanted: Vec<u32>,
     /// Triangles beyond which nothing is split.
     limit: usize,
     pub(super) geomorphs: Option<Geomorphs>,
@@ -81,6 +83,9 @@ pub struct Front {
 
 /// Most splits that stand in each other's way. Real ones are a few.
 const FORCED_LIMIT: usize = 1024;
+
+/// Most nodes that are remembered as too coarse.
+const WANTED_LIMIT: usize = 1 << 16;
 
 /// Stands for a cut that is not there.
 const NO_CUT: NodeId = NodeId { tree: 0, node: 0 };
@@ -265,7 +270,7 @@ impl Front {
     fn try_split(&mut self, s: u32) -> Result<Option<u32>, HierarchyError> {
         let Known { child, vertex, at, .. } = self.known[s as usize];
         if child == NONE {
-            return Err(HierarchyError::NoSuchNode { id: self.id(s) });
+            return Err(HierarchyError::NotHere { id: self.id(s) });
         }
         let number = self.number(child);
         let cuts = self.cuts[number as usize];
@@ -338,6 +343,15 @@ impl Front {
             g.stay(blue);
         }
     }
+    fn want(&mut self, i: u32) {
+        if self.wanted.len() < WANTED_LIMIT {
+            self.wanted.push(i);
+        }
+    }
+    /// Numbers of nodes without children here that were too coarse, or in the way of what is, when looked at since this was last called; some may have children by now.
+    pub fn take_wanted(&mut self) -> Vec<u32> {
+        std::mem::take(&mut self.wanted)
+    }
     /// Splits nothing more once there are so many triangles; those that are there stay until a view needs them no more.
     pub fn limit_triangles(&mut self, limit: usize) {
         self.limit = limit;
@@ -370,10 +384,20 @@ impl Front {
                     progress.denied = true;
                 } else if child == NONE {
                     progress.wants_more = true;
+                    self.want(i);
                 } else {
-                    // The first child takes its place, and is looked at next.
-                    progress.splits += self.split_node(i)?;
-                    continue;
+                    match self.split_node(i) {
+                        // The first child takes its place, and is looked at next.
+                        Ok(splits) => {
+                            progress.splits += splits;
+                            continue;
+                        }
+                        Err(HierarchyError::NotHere { id }) => {
+                            progress.wants_more = true;
+                            self.find(id).into_iter().for_each(|i| self.want(i));
+                        }
+                        Err(e) => return Err(e),
+                    }
                 }
             } else if parent != NONE {
                 if self.is_coarse(parent, view) {

@@ -23,6 +23,8 @@ pub enum HierarchyError {
     NotAdjacent { id: NodeId },
     #[error("triangle {triangle} of the base mesh names a vertex that is not there")]
     BadTriangle { triangle: u32 },
+    #[error("node {}:{} must be split first, and its children are not here", id.tree, id.node)]
+    NotHere { id: NodeId },
     #[error("a position or a length that is not finite")]
     NotFinite,
 }

@@ -1,0 +1,329 @@
+//! A client of a file: which bytes a view needs, and what they bring. Any server that answers range requests will do.
+
+use crate::blocks::first_roots;
+use crate::error::ProtocolError;
+use crate::file::{Block, Head};
+use crate::splits::{Reading, Scope, SplitModels, walk_block};
+use crate::viewer::{Limits, Viewer};
+use pmesh_codec::range::RangeDecoder;
+use pmesh_core::hierarchy::{NONE, Progress, UnderWay, View};
+use std::collections::HashSet;
+
+/// Bytes of the first request: a base mesh, and often the first blocks.
+const FIRST_BYTES: u64 = 16 << 10;
+/// Bytes of a request, beyond which blocks that lie side by side are asked for apart.
+const REQUEST_BYTES: u64 = 64 << 10;
+/// Most splits for each byte of a file. Real ones are of some six bytes.
+const SPLITS_A_BYTE: u64 = 16;
+/// Requests at a time.
+const REQUESTS: usize = 4;
+
+/// A block that is known, perhaps by no more than its place.
+#[derive(Clone, Debug)]
+struct Known {
+    block: Block,
+    /// The block above, or [`NONE`].
+    above: u32,
+    /// The first block below it, once it has been unpacked: others below it follow; [`NONE`] before.
+    child: u32,
+    /// Nodes that it begins at, once the block above it is here.
+    roots: Option<Vec<u32>>,
+    /// Its bytes, until it is unpacked.
+    bytes: Option<Vec<u8>>,
+    state: State,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    /// Not here, and not needed.
+    Away,
+    Wanted,
+    UnderWay,
+    /// All of its splits are known.
+    Here,
+}
+
+impl Known {
+    fn new(block: Block, above: u32) -> Self {
+        Self { block, above, child: NONE, roots: None, bytes: None, state: State::Away }
+    }
+}
+
+/// A model that arrives from a file as it is looked at. [`Self::poll`] gives ranges of bytes to be fetched, several at a time; [`Self::receive`] takes them.
+#[derive(Debug, Default)]
+pub struct FileClient {
+    viewer: Viewer,
+    /// The file's beginning, until it is read.
+    beginning: Vec<u8>,
+    needed: u64,
+    /// Those that are known, in the order in which they were met.
+    blocks: Vec<Known>,
+    /// Of each split that is known.
+    block_of: Vec<u32>,
+    /// Of each node without children here the block that has its split; [`NONE`] of others.
+    entry: Vec<u32>,
+    /// First bytes of what is under way, and its blocks.
+    under_way: Vec<(u64, Vec<u32>)>,
+    view: Option<View>,
+    /// Where the last block that was unpacked ends.
+    reach: u64,
+    bytes: u64,
+    requests: u64,
+}
+
+impl FileClient {
+    /// As of [`crate::Client::draw`].
+    pub fn draw(mut self) -> Self {
+        self.viewer.is_drawn = true;
+        self
+    }
+    /// The next bytes to be fetched: from the first up to, not including, the second.
+    pub fn poll(&mut self) -> Option<(u64, u64)> {
+        if self.viewer.is_empty() {
+            let start = self.beginning.len() as u64;
+            let end = self.needed.max(FIRST_BYTES);
+            let is_new = self.under_way.is_empty() && start < end;
+            return is_new.then(|| {
+                self.under_way.push((start, Vec::new()));
+                self.requests += 1;
+                (start, end)
+            });
+        }
+        if self.under_way.len() >= REQUESTS {
+            return None;
+        }
+        let mut wanted: Vec<(u64, u32)> = (0..self.block_count())
+            .filter(|&b| self.blocks[b as usize].state == State::Wanted)
+            .map(|b| (self.place(b).0, b))
+            .collect();
+        wanted.sort_unstable();
+        let start = wanted.first()?.0;
+        let (mut end, mut run) = (start, Vec::new());
+        for (from, b) in wanted {
+            if from != end || end - start >= REQUEST_BYTES {
+                break;
+            }
+            end += u64::from(self.place(b).1);
+            self.blocks[b as usize].state = State::UnderWay;
+            run.push(b);
+        }
+        self.under_way.push((start, run));
+        self.requests += 1;
+        Some((start, end))
+    }
+    /// Takes bytes of the file from `start` on: what was asked for, or more. Errors: a damaged file, or another one by now.
+    pub fn receive(&mut self, start: u64, bytes: &[u8]) -> Result<(), ProtocolError> {
+        self.bytes += bytes.len() as u64;
+        let asked = self.answered(start);
+        if self.viewer.is_empty() {
+            if start != self.beginning.len() as u64 {
+                return Err(ProtocolError::Unexpected("bytes that nobody asked for"));
+            }
+            if bytes.is_empty() {
+                return Err(ProtocolError::Syntax { at: self.beginning.len(), what: "the file ends too early" });
+            }
+            self.beginning.extend(bytes);
+            return self.begin();
+        }
+        for b in asked {
+            let (from, length) = self.place(b);
+            let from = (from - start) as usize;
+            let Some(block) = bytes.get(from..from.saturating_add(length as usize)) else {
+                return Err(ProtocolError::Syntax {
+                    at: (start as usize).saturating_add(bytes.len()),
+                    what: "the file ends too early",
+                });
+            };
+            self.keep(b, block);
+            if !self.load(b)? {
+                // What it begins at was forgotten meanwhile.
+                self.blocks[b as usize].state = State::Away;
+            }
+        }
+        Ok(())
+    }
+    /// Bytes that were asked for do not come: they are asked for again.
+    pub fn failed(&mut self, start: u64) {
+        let again = self.answered(start);
+        again.into_iter().for_each(|b| self.blocks[b as usize].state = State::Wanted);
+    }
+    fn answered(&mut self, start: u64) -> Vec<u32> {
+        let at = self.under_way.iter().position(|(from, _)| *from == start);
+        at.map_or(Vec::new(), |at| self.under_way.swap_remove(at).1)
+    }
+
+    fn begin(&mut self) -> Result<(), ProtocolError> {
+        let head = match Head::read(&self.beginning)? {
+            Ok(head) => head,
+            Err(needed) => {
+                self.needed = needed;
+                return Ok(());
+            }
+        };
+        let roots = first_roots(&head.base.positions, &head.base.bounds, head.base.extent);
+        if head.first.map_or(0, |b| b.roots as usize) != roots.len() {
+            return Err(ProtocolError::Unexpected("a first block of other roots than the base mesh has"));
+        }
+        self.viewer.begin(head.base)?;
+        self.blocks.extend(head.first.map(|block| Known::new(block, NONE)));
+        if let Some(first) = head.first {
+            self.begin_at(0, roots);
+            // It may have come along.
+            let from = head.length as usize;
+            if let Some(bytes) = self.beginning.get(from..from + first.length as usize).map(<[u8]>::to_vec) {
+                self.keep(0, &bytes);
+            }
+        }
+        self.beginning = Vec::new();
+        Ok(())
+    }
+    /// Block `b` begins at these nodes.
+    fn begin_at(&mut self, b: u32, roots: Vec<u32>) {
+        roots.iter().for_each(|&i| self.enter(i, b));
+        self.blocks[b as usize].roots = Some(roots);
+    }
+    fn enter(&mut self, node: u32, b: u32) {
+        self.entry.resize(self.entry.len().max(node as usize + 1), NONE);
+        self.entry[node as usize] = b;
+    }
+    /// First byte and length of a block.
+    pub(crate) fn place(&self, b: u32) -> (u64, u32) {
+        let block = self.blocks[b as usize].block;
+        (block.start, block.length)
+    }
+    /// Keeps the bytes of a block until they are needed.
+    pub(crate) fn keep(&mut self, b: u32, bytes: &[u8]) {
+        if self.blocks[b as usize].state != State::Here {
+            self.blocks[b as usize].bytes = Some(bytes.to_vec());
+        }
+    }
+
+    /// Unpacks a block whose bytes are here; false if they are not, or nobody knows where it begins. Errors: a damaged file.
+    pub(crate) fn load(&mut self, b: u32) -> Result<bool, ProtocolError> {
+        let known = &mut self.blocks[b as usize];
+        if known.state == State::Here {
+            return Ok(true);
+        }
+        let (Some(roots), Some(bytes)) = (known.roots.clone(), known.bytes.take()) else { return Ok(false) };
+        let (block, child) = (known.block, known.child);
+        let (below, bytes) = block.open(&bytes)?;
+        let chain = self.chain(b).skip(1).collect();
+        let v = &mut self.viewer;
+        let before = self.block_of.len();
+        let scope = Scope { block_of: &mut self.block_of, block: b, chain, done: HashSet::new() };
+        let mut side = Reading { front: &mut v.front, grid: &v.grid, total: v.total, scope: Some(scope) };
+        let mut coder = RangeDecoder::new(bytes.to_vec());
+        let ends = walk_block(&mut coder, &mut SplitModels::default(), &mut side, &roots, block.splits)?;
+        v.splits += (self.block_of.len() - before) as u64;
+        // The same bytes may be named again and again, and grow without end.
+        self.reach = self.reach.max(block.start + u64::from(block.length));
+        if self.block_of.len() as u64 > SPLITS_A_BYTE * self.reach {
+            return Err(ProtocolError::Unexpected("more splits than its bytes can hold"));
+        }
+        if below.iter().map(|c| u64::from(c.roots)).sum::<u64>() != ends.len() as u64 {
+            return Err(ProtocolError::Unexpected("blocks below one of other roots than it ends at"));
+        }
+        let first = if child == NONE { self.blocks.len() as u32 } else { child };
+        if child == NONE {
+            self.blocks[b as usize].child = first;
+            self.blocks.extend(below.iter().map(|&block| Known::new(block, b)));
+        }
+        let mut ends = ends.into_iter();
+        for (c, block) in (first..).zip(&below) {
+            let roots = ends.by_ref().take(block.roots as usize).collect();
+            self.begin_at(c, roots);
+        }
+        self.blocks[b as usize].state = State::Here;
+        Ok(true)
+    }
+    /// A block and those above it.
+    fn chain(&self, b: u32) -> impl Iterator<Item = u32> {
+        std::iter::successors(Some(b), |&b| Some(self.blocks[b as usize].above).filter(|&a| a != NONE))
+    }
+
+    /// Follows a view, with at most `budget` looks at nodes: refines what is here, and wants what is not. Keeps the limits. Errors: what arrived is no hierarchy.
+    pub fn refine(&mut self, view: &View, budget: u32) -> Result<Progress, ProtocolError> {
+        let (view, progress) = self.viewer.refine(view, budget)?;
+        if self.view.is_none_or(|v| v != view) {
+            self.view = Some(view);
+            self.blocks.iter_mut().filter(|b| b.state == State::Wanted).for_each(|b| b.state = State::Away);
+        }
+        let coarse = self.viewer.front.take_wanted();
+        let entered = |&node: &u32| self.entry.get(node as usize).copied().filter(|&b| b != NONE);
+        // Where something was forgotten: the blocks above first.
+        let missing = |b: u32| self.chain(b).filter(|&b| self.blocks[b as usize].state != State::Here).last();
+        let mut coarse: Vec<u32> = coarse.iter().filter_map(entered).filter_map(missing).collect();
+        coarse.sort_unstable();
+        coarse.dedup();
+        for b in coarse {
+            if !self.load(b)? && self.blocks[b as usize].state == State::Away {
+                self.blocks[b as usize].state = State::Wanted;
+            }
+        }
+        if self.viewer.is_full() {
+            self.forget();
+        }
+        Ok(progress)
+    }
+    fn forget(&mut self) {
+        let front = &mut self.viewer.front;
+        let roots = front.root_count();
+        let parents: Vec<u32> =
+            (0..self.block_of.len() as u32).map(|n| front.node(roots + 2 * n).map_or(NONE, |k| k.parent)).collect();
+        let number = front.forget_below();
+        let node = |i: u32| match i.checked_sub(roots) {
+            None => Some(i),
+            Some(below) => number.get(below as usize / 2).copied().flatten().map(|n| roots + 2 * n + below % 2),
+        };
+        let before = std::mem::take(&mut self.entry);
+        for (i, &b) in before.iter().enumerate().filter(|(_, b)| **b != NONE) {
+            node(i as u32).into_iter().for_each(|i| self.enter(i, b));
+        }
+        for (n, &b) in self.block_of.iter().enumerate().filter(|(n, _)| number[*n].is_none()) {
+            let block = &mut self.blocks[b as usize];
+            if block.state == State::Here {
+                block.state = State::Away;
+            }
+            if let Some(parent) = node(parents[n]) {
+                self.entry.resize(self.entry.len().max(parent as usize + 1), NONE);
+                self.entry[parent as usize] = b;
+            }
+        }
+        self.block_of = self.block_of.iter().zip(&number).filter(|(_, n)| n.is_some()).map(|(b, _)| *b).collect();
+        for block in &mut self.blocks {
+            let roots = block.roots.take();
+            block.roots = roots.and_then(|run| run.into_iter().map(node).collect());
+            block.bytes = None;
+        }
+        self.viewer.evictions += 1;
+    }
+    /// Moves what is under way: [`crate::Client::advance`].
+    pub fn advance(&mut self, view: &View, step: f64, budget: u32) -> Result<UnderWay, ProtocolError> {
+        self.viewer.advance(view, step, budget)
+    }
+    /// What the client may take from now on.
+    pub fn set_limits(&mut self, limits: Limits) {
+        self.viewer.set_limits(limits);
+    }
+
+    /// Blocks that are known so far.
+    pub(crate) fn block_count(&self) -> u32 {
+        self.blocks.len() as u32
+    }
+    /// True if something is to come: fetched, or to be fetched.
+    pub fn is_waiting(&self) -> bool {
+        self.viewer.is_empty() || !self.under_way.is_empty() || self.blocks.iter().any(|b| b.state == State::Wanted)
+    }
+    /// What is here.
+    pub fn viewer(&self) -> &Viewer {
+        &self.viewer
+    }
+    /// The same, for who draws it.
+    pub fn viewer_mut(&mut self) -> &mut Viewer {
+        &mut self.viewer
+    }
+    /// Requests made, and bytes received.
+    pub fn traffic(&self) -> (u64, u64) {
+        (self.requests, self.bytes)
+    }
+}
