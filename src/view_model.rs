@@ -193,8 +193,7 @@ impl ViewModel {
         let camera = orbit.view((low, high));
         let pixel = 1.0 / f64::from(height.max(1));
         let tolerance = options.screen_error().clamp(0.01, 1e4) * pixel;
-        let tangent = (crate::camera::FIELD_OF_VIEW / 2.0).tan();
-        let view = View::new(camera.eye_from_world.to_cols_array(), tangent, orbit.aspect.max(0.01), tolerance as f32);
+        let view = View::new(camera.eye_from_world.to_cols_array(), camera.tangent, orbit.aspect.max(0.01), tolerance as f32);
         let view = view.map_err(|e| failed(&e.into()))?;
         let limit = |x: Option<f64>| x.filter(|x| x.is_finite()).map_or(usize::MAX, |x| x.max(1.0) as usize);
         source.viewer_mut().set_limits(Limits { triangles: limit(options.max_triangles()), memory: limit(options.max_memory()) });

@@ -5,6 +5,7 @@ use crate::output;
 use clap::Parser;
 use pmesh_core::hierarchy::{View, ViewError};
 use pmesh_core::{IndexedMesh, Vertices};
+use pmesh_view::message::{Reply, Request, read_reply, request};
 use pmesh_view::{Client, ProtocolError};
 use std::net::TcpStream;
 use std::path::PathBuf;
@@ -17,14 +18,17 @@ use tungstenite::{HandshakeError, Message, WebSocket};
 /// Says how many splits came, and bytes. More --eye, with --at once or as often, are looked from one after the other; the mesh is that of the last.
 #[derive(Parser)]
 #[command(
-    after_help = "Example, after `pmesh sample knot -o models/knot.pmesh` and `pmesh serve models`:\n  pmesh look ws://127.0.0.1:8080/knot --eye 0,0,8 -o seen.ply\n  pmesh look ws://127.0.0.1:8080/knot --all -o whole.ply"
+    after_help = "Example, after `pmesh sample knot -o models/knot.pmesh` and `pmesh serve models`:\n  pmesh look ws://127.0.0.1:8080/knot --eye 0,0,8 -o seen.ply\n  pmesh look ws://127.0.0.1:8080/knot --all -o whole.ply\n  pmesh look ws://127.0.0.1:8080 --list"
 )]
 pub struct Args {
     /// The server and the model's name, which may lack its .pmesh: ws://HOST:PORT/NAME
     url: String,
     /// The mesh: .ply or .obj
-    #[arg(short, long)]
-    output: PathBuf,
+    #[arg(short, long, required_unless_present = "list")]
+    output: Option<PathBuf>,
+    /// Print the names of the server's models, and no more
+    #[arg(long)]
+    list: bool,
     /// Where the camera is: x,y,z
     #[arg(long, value_parser = point, allow_hyphen_values = true)]
     eye: Vec<[f32; 3]>,
@@ -62,8 +66,12 @@ fn point(text: &str) -> std::result::Result<[f32; 3], String> {
 pub fn run(args: &Args, quiet: bool) -> Result<()> {
     let failed = |e: &dyn std::fmt::Display| CliError::Other(format!("{}: {e}", args.url));
     let bad = || CliError::Usage(format!("{}: a server's address is ws://HOST:PORT/NAME (wss:// is not spoken here)", args.url));
-    if !args.output.extension().is_some_and(|e| e == "ply" || e == "obj") {
-        return Err(CliError::Usage(format!("{}: write .ply or .obj", args.output.display())));
+    if args.list {
+        return list(args);
+    }
+    let output = args.output.clone().unwrap_or_default();
+    if !output.extension().is_some_and(|e| e == "ply" || e == "obj") {
+        return Err(CliError::Usage(format!("{}: write .ply or .obj", output.display())));
     }
     let (host, name) =
         args.url.strip_prefix("ws://").and_then(|u| u.split_once('/')).filter(|u| !u.1.is_empty()).ok_or_else(bad)?;
@@ -124,7 +132,25 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
         let _ = connection.send(Message::Binary(message.into()));
     }
     let _ = connection.close(None);
-    output::write(&args.output, &shown(&client))
+    output::write(&output, &shown(&client))
+}
+
+/// The catalogue.
+fn list(args: &Args) -> Result<()> {
+    let failed = |e: &dyn std::fmt::Display| CliError::Other(format!("{}: {e}", args.url));
+    let rest = args.url.strip_prefix("ws://").unwrap_or_default();
+    let host = rest.split('/').next().filter(|h| !h.is_empty()).ok_or_else(|| failed(&"a server's address is ws://HOST:PORT"))?;
+    let mut connection = connect(args, host)?;
+    connection.send(Message::Binary(request(&Request::Catalogue).into())).map_err(|e| failed(&e))?;
+    loop {
+        if let Message::Binary(bytes) = connection.read().map_err(|e| failed(&e))? {
+            return match read_reply(&bytes).map_err(|e| failed(&e))? {
+                Reply::Catalogue(names) => output::say(&names.join("\n")),
+                Reply::Error(text) => Err(failed(&text)),
+                _ => Err(failed(&"the server does not answer with its catalogue")),
+            };
+        }
+    }
 }
 
 /// Why a view did not get all that it needs.

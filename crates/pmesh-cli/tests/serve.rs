@@ -250,3 +250,23 @@ fn look_writes_what_is_seen_and_goes_on_after_a_break() {
     assert_eq!(nobody.status.code(), Some(1));
     assert!(!folder.join("none.ply").exists());
 }
+
+#[test]
+fn the_catalogue_names_what_is_there_and_a_file_for_views_is_served_as_it_is() {
+    let folder = folder("serve-catalogue");
+    let run = |args: &[&str]| Command::new(env!("CARGO_BIN_EXE_pmesh")).current_dir(&folder).args(args).output().expect("it runs");
+    std::fs::create_dir_all(folder.join("more")).expect("a folder");
+    assert!(run(&["sample", "part", "-o", "more/views.pmesh", "--profile", "views", "--bits", "12"]).status.success());
+    std::fs::write(folder.join(".hidden.pmesh"), "no").expect("it can be written");
+    let server = Server::start(&folder, &[]);
+    let list = run(&["look", &format!("ws://{}", server.host), "--list"]);
+    assert_eq!(String::from_utf8_lossy(&list.stdout).trim(), "more/views\npart", "{list:?}");
+    let look = |name: &str| {
+        let url = format!("ws://{}/{name}", server.host);
+        let output = run(&["look", &url, "--all", "-o", "seen.ply"]);
+        assert!(output.status.success(), "{output:?}");
+        std::fs::read(folder.join("seen.ply")).expect("a mesh").len()
+    };
+    // Whether the hierarchy is made here or read.
+    assert_eq!(look("part"), look("more/views"));
+}

@@ -29,7 +29,7 @@ fn resident() -> Option<f64> {
 /// One client; gives the seconds that each view took, and the bytes that came.
 async fn client(url: String, name: String, number: u32, seconds: u64) -> Outcome<(Vec<f64>, u64)> {
     let (mut socket, _) = connect_async(url).await?;
-    socket.send(Message::Binary(request(&Request::Hello { model: name }).into())).await?;
+    socket.send(Message::Binary(request(&Request::Hello { model: name, packets: Default::default() }).into())).await?;
     let (mut taken, mut bytes) = (Vec::new(), 0u64);
     let mut box_of = None;
     while box_of.is_none() {

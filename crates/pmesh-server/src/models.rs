@@ -15,6 +15,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::SystemTime;
 use tokio::sync::{OnceCell, Semaphore};
 
+/// Most names of a catalogue.
+const NAMES_LIMIT: usize = 10_000;
+
 type Slot = Arc<OnceCell<Result<Arc<Model>, String>>>;
 /// When a file was written, and how long it is: one that changes is prepared anew.
 type Stamp = (Option<SystemTime>, u64);
@@ -57,6 +60,29 @@ impl Models {
             model
         };
         slot.get_or_init(prepare).await.clone()
+    }
+
+    /// Names of the models in the folder, and in folders in it, as far as such names are served. Errors: in words for the client.
+    pub(crate) fn names(&self) -> Result<Vec<String>, String> {
+        let mut names = Vec::new();
+        let mut folders = vec![PathBuf::new()];
+        while let Some(within) = folders.pop().filter(|_| names.len() < NAMES_LIMIT) {
+            let entries = std::fs::read_dir(self.folder.join(&within)).map_err(|e| format!("the folder cannot be read: {e}"))?;
+            for entry in entries.flatten() {
+                let name = entry.file_name();
+                let Some(name) = name.to_str().filter(|n| !n.starts_with('.')) else { continue };
+                let path = within.join(name);
+                // A link to a folder may lead back.
+                if entry.file_type().is_ok_and(|t| t.is_dir()) {
+                    folders.push(path);
+                } else if let Some(model) = path.to_str().and_then(|p| p.strip_suffix(".pmesh")) {
+                    names.push(model.to_string());
+                }
+            }
+        }
+        names.sort_unstable();
+        names.truncate(NAMES_LIMIT);
+        Ok(names)
     }
 
     /// The file of a name that stays within the folder, if there is one.

@@ -4,7 +4,7 @@ use crate::Shared;
 use axum::body::Bytes;
 use axum::extract::ws::{Message, WebSocket};
 use pmesh_view::Session;
-use pmesh_view::message::{Reply, read_request, reply};
+use pmesh_view::message::{Reply, Request, read_request, reply};
 use std::time::Duration;
 use tokio::time::{sleep, timeout};
 
@@ -41,8 +41,16 @@ pub(crate) async fn run(mut socket: WebSocket, shared: &Shared) {
 async fn talk(socket: &mut WebSocket, shared: &Shared) -> Result<(), End> {
     let mut closing = shared.closing.clone();
     let told = |e: pmesh_view::ProtocolError| End::Told(e.to_string());
-    let Some(first) = next(socket, shared).await? else { return Ok(()) };
-    let request = read_request(&first).map_err(told)?;
+    let (first, request) = loop {
+        let Some(first) = next(socket, shared).await? else { return Ok(()) };
+        match read_request(&first).map_err(told)? {
+            Request::Catalogue => {
+                let names = shared.models.names().map_err(End::Told)?;
+                send(socket, shared, reply(&Reply::Catalogue(names))).await?;
+            }
+            request => break (first, request),
+        }
+    };
     let Some(name) = request.model() else { return Err(End::Told("a session begins with a hello".into())) };
     let model = shared.models.get(name).await.map_err(End::Told)?;
     let mut session = Session::begin(request, first.len(), model).map_err(told)?;

@@ -83,7 +83,7 @@ pub(crate) fn pack(model: &Model) -> (Vec<Packed>, crate::splits::Spent) {
         wanted.iter().for_each(|&i| block_of[i as usize] = at as u32);
         let splits = wanted.len() as u32;
         let knew = |i: u32| chain.contains(&block_of[i as usize]);
-        let mut side = Writing { model, wanted, done: HashSet::new(), knew: &knew };
+        let mut side = Writing { model, wanted, done: HashSet::new(), knew: &knew, cut_at: None };
         let mut models = SplitModels::default();
         let mut coder = Encoder::new();
         // What is written is what was asked for: nothing can be wrong with it.

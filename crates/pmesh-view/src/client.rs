@@ -1,8 +1,8 @@
 //! The client's end of a session: what it has, its front, and what it asks for.
 
 use crate::error::ProtocolError;
-use crate::message::{Reply, Request, Shape, read_reply, request};
-use crate::splits::{SplitModels, read};
+use crate::message::{NAMED_LIMIT, Packets, Reply, Request, Shape, read_reply, request};
+use crate::splits::{SplitModels, read, read_plain};
 use crate::viewer::{Limits, Viewer};
 use pmesh_core::hierarchy::{Front, NONE, Progress, UnderWay, View};
 
@@ -10,6 +10,9 @@ use pmesh_core::hierarchy::{Front, NONE, Progress, UnderWay, View};
 #[derive(Debug, Default)]
 pub struct Client {
     name: String,
+    packets: Packets,
+    /// Asks by the names of nodes instead of views.
+    by_names: bool,
     viewer: Viewer,
     models: Box<SplitModels>,
     out: Option<Vec<u8>>,
@@ -23,8 +26,19 @@ pub struct Client {
 impl Client {
     /// For the model of that name.
     pub fn new(name: &str) -> Self {
-        let hello = request(&Request::Hello { model: name.into() });
-        Self { name: name.into(), out: Some(hello), ..Default::default() }
+        Self { name: name.into(), ..Default::default() }.begin()
+    }
+    fn begin(mut self) -> Self {
+        self.reconnect();
+        self
+    }
+    /// The same, of packets of another kind. With [`Packets::CutsOnly`] what is here stays split, and each view is asked for.
+    pub fn with_packets(self, packets: Packets) -> Self {
+        Self { packets, ..self }.begin()
+    }
+    /// The same, that names the nodes to be split instead of sending views (E.19): more up, and the server decides nothing.
+    pub fn by_names(self) -> Self {
+        Self { by_names: true, ..self }
     }
     /// The front is to be drawn, from the base mesh on: changes are geomorphs ([`Front::draw`]), which [`Self::advance`] moves.
     pub fn draw(mut self) -> Self {
@@ -53,25 +67,35 @@ impl Client {
             // Said before the server knew what was forgotten here: it says what is still needed again.
             Reply::Splits(_) | Reply::Done if !self.is_open => {}
             Reply::Splits(packet) => {
-                v.splits += u64::from(read(&mut self.models, &mut v.front, (&v.grid, v.total), packet)?);
+                v.splits += u64::from(match self.packets {
+                    Packets::Plain => read_plain(&mut v.front, v.total, packet)?,
+                    _ => read(&mut self.models, &mut v.front, (&v.grid, v.total), packet)?,
+                });
+                // Cuts as they stand now are good for now.
+                while self.packets == Packets::CutsOnly && v.front.refine(&View::everything(), u32::MAX)?.splits > 0 {}
             }
+            Reply::Done if self.by_names => self.asked = None,
             Reply::Done => {
                 if let Some(asked) = &mut self.asked {
                     asked.1 = true;
                 }
             }
+            Reply::Catalogue(_) => return Err(ProtocolError::Unexpected("a catalogue in a session")),
         }
         Ok(())
     }
     /// The connection is new, perhaps to another server: the next message says what is here already (E.7). O(what is here).
     pub fn reconnect(&mut self) {
-        *self.models = SplitModels::default();
+        self.models = SplitModels::of(self.packets);
         // What was on its way is asked for again.
         self.asked = None;
         self.is_open = false;
         self.out = Some(match self.viewer.fingerprint {
-            None => request(&Request::Hello { model: self.name.clone() }),
-            Some(fingerprint) => request(&Request::Resume { model: self.name.clone(), fingerprint, shape: self.shape() }),
+            None => request(&Request::Hello { model: self.name.clone(), packets: self.packets }),
+            Some(fingerprint) => {
+                let (model, packets, shape) = (self.name.clone(), self.packets, self.shape());
+                request(&Request::Resume { model, packets, fingerprint, shape })
+            }
         });
     }
     fn shape(&self) -> Shape {
@@ -91,7 +115,11 @@ impl Client {
     /// Follows a view, with at most `budget` looks at nodes: refines what is here, and asks for what is not (E.13). A view waits until it is polled, and a newer one takes its place; none is asked for
     /// that the server is still at or has done with. Keeps the limits: what is forgotten for their sake the server hears of on the same connection. Errors: what arrived is no hierarchy.
     pub fn refine(&mut self, view: &View, budget: u32) -> Result<Progress, ProtocolError> {
-        let (view, progress) = self.viewer.refine(view, budget)?;
+        let (view, progress) = match self.packets {
+            // It cannot tell what is too coarse.
+            Packets::CutsOnly => (*view, Progress { wants_more: !self.has_all(), ..Default::default() }),
+            _ => self.viewer.refine(view, budget)?,
+        };
         if self.is_open && self.viewer.is_full() {
             self.viewer.front.forget_below();
             self.viewer.evictions += 1;
@@ -101,7 +129,18 @@ impl Client {
         let is_new = self.asked.is_none_or(|(asked, _)| asked != view);
         // What waits is a view, or the first message.
         let may_ask = self.out.is_none() || (self.is_open && self.asked.is_some());
-        if progress.wants_more && is_new && may_ask {
+        if progress.wants_more && is_new && may_ask && self.is_open && self.by_names {
+            let front = self.viewer.front_mut();
+            let mut nodes = front.take_wanted();
+            nodes.sort_unstable();
+            nodes.dedup();
+            nodes.retain(|&i| front.node(i).is_some_and(|n| n.child == NONE));
+            let names: Vec<_> = nodes.into_iter().take(NAMED_LIMIT).map(|i| front.id(i)).collect();
+            if self.asked.is_none() && !names.is_empty() {
+                self.out = Some(request(&Request::Split(names)));
+                self.asked = Some((view, false));
+            }
+        } else if progress.wants_more && is_new && may_ask && !self.by_names {
             self.out = Some(request(&Request::View(Box::new(view))));
             self.asked = Some((view, false));
         }

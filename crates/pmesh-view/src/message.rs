@@ -2,7 +2,7 @@
 
 use crate::error::ProtocolError;
 use pmesh_codec::pmesh::Quantisation;
-use pmesh_core::hierarchy::{Bounds, View};
+use pmesh_core::hierarchy::{Bounds, NodeId, View};
 
 /// Version of the protocol.
 pub const VERSION: u8 = 1;
@@ -14,21 +14,44 @@ const BASE_LIMIT: u32 = 1 << 22;
 const TOTAL_LIMIT: u64 = 1 << 31;
 /// Most bytes of a model's name.
 const NAME_LIMIT: usize = 255;
+/// Bytes of a node that is named, and most of them in a message.
+const NAMED_BYTES: usize = 12;
+pub(crate) const NAMED_LIMIT: usize = 4096;
+/// Most names of a catalogue.
+const CATALOGUE_LIMIT: usize = 1 << 16;
 /// Most nodes that a client may say it has.
 const NODE_LIMIT: u64 = 1 << 32;
+
+/// How splits are sent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Packets {
+    /// Coded by chances that learn.
+    #[default]
+    Coded,
+    /// The paper's packet as it stands (E.9): the reference that the coded one is measured by.
+    Plain,
+    /// Coded, with the cuts as they are in the client's front instead of leaves, and without bounds: for a client that keeps what it has, and asks with every view (E.19).
+    CutsOnly,
+}
 
 /// What a client says.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Request {
-    /// The first message: which model.
+    /// Which models there are.
+    Catalogue,
+    /// The first message of a session: which model.
     Hello {
         /// Its name.
         model: String,
+        /// How splits are to come.
+        packets: Packets,
     },
     /// The first message after a break (E.7): the leaves of what the client has, as a walk through its trees, depth first: true where a node has children.
     Resume {
         /// The model's name.
         model: String,
+        /// How splits are to come.
+        packets: Packets,
         /// [`Base::fingerprint`].
         fingerprint: u64,
         /// Of the nodes known.
@@ -36,6 +59,8 @@ pub enum Request {
     },
     /// What is looked at; or everything.
     View(Box<View>),
+    /// Nodes to be split: instead of a view, of a client that decides by itself (E.19).
+    Split(Vec<NodeId>),
     /// It was a pleasure.
     Bye,
 }
@@ -44,7 +69,7 @@ impl Request {
     /// The model that a first message names.
     pub fn model(&self) -> Option<&str> {
         match self {
-            Self::Hello { model } | Self::Resume { model, .. } => Some(model),
+            Self::Hello { model, .. } | Self::Resume { model, .. } => Some(model),
             _ => None,
         }
     }
@@ -94,6 +119,8 @@ pub enum Reply<'a> {
     Splits(&'a [u8]),
     /// The last view has all that it needs.
     Done,
+    /// Names of the models that there are.
+    Catalogue(Vec<String>),
     /// Why the server closes.
     Error(String),
 }
@@ -130,16 +157,21 @@ pub fn request(request: &Request) -> Vec<u8> {
         out.extend(bytes);
     };
     match request {
-        Request::Hello { model } => {
+        Request::Catalogue => {
+            out.push(6);
+            out.extend(MAGIC);
+            out.push(VERSION);
+        }
+        Request::Hello { model, packets } => {
             out.push(1);
             out.extend(MAGIC);
-            out.push(VERSION);
+            out.extend([VERSION, *packets as u8]);
             name(&mut out, model);
         }
-        Request::Resume { model, fingerprint, shape } => {
+        Request::Resume { model, packets, fingerprint, shape } => {
             out.push(2);
             out.extend(MAGIC);
-            out.push(VERSION);
+            out.extend([VERSION, *packets as u8]);
             name(&mut out, model);
             out.extend(fingerprint.to_le_bytes());
             out.extend(shape.count.to_le_bytes());
@@ -153,6 +185,13 @@ pub fn request(request: &Request) -> Vec<u8> {
             let rows = matrix.chunks(4).flat_map(|c| &c[..3]);
             rows.chain([&tangent, &aspect, &tolerance]).for_each(|x| out.extend(x.to_le_bytes()));
         }
+        Request::Split(nodes) => {
+            out.push(7);
+            for id in nodes {
+                out.extend(id.tree.to_le_bytes());
+                out.extend(id.node.to_le_bytes());
+            }
+        }
         Request::Bye => out.push(5),
     }
     out
@@ -162,17 +201,26 @@ pub fn request(request: &Request) -> Vec<u8> {
 pub fn read_request(bytes: &[u8]) -> Result<Request, ProtocolError> {
     let mut r = Reader { bytes, at: 0 };
     let request = match r.u8()? {
-        kind @ (1 | 2) => {
+        kind @ (1 | 2 | 6) => {
             if r.array::<4>()? != MAGIC {
                 return r.error("this is not the view protocol");
             }
             if r.u8()? != VERSION {
                 return r.error("another version of the protocol; load the page anew");
             }
+            if kind == 6 {
+                return r.end(Request::Catalogue);
+            }
+            let packets = match r.u8()? {
+                0 => Packets::Coded,
+                1 => Packets::Plain,
+                2 => Packets::CutsOnly,
+                _ => return r.error("packets of another kind"),
+            };
             let length = r.u8()?.into();
             let Ok(model) = String::from_utf8(r.take(length)?.to_vec()) else { return r.error("a name that is no text") };
             if kind == 1 {
-                Request::Hello { model }
+                Request::Hello { model, packets }
             } else {
                 let fingerprint = u64::from_le_bytes(r.array()?);
                 let count = u64::from_le_bytes(r.array()?);
@@ -180,7 +228,7 @@ pub fn read_request(bytes: &[u8]) -> Result<Request, ProtocolError> {
                     return r.error("a walk of another length than it says");
                 }
                 let shape = Shape { bits: r.take(bytes.len() - r.at)?.to_vec(), count };
-                Request::Resume { model, fingerprint, shape }
+                Request::Resume { model, packets, fingerprint, shape }
             }
         }
         3 => {
@@ -196,6 +244,13 @@ pub fn read_request(bytes: &[u8]) -> Result<Request, ProtocolError> {
         }
         4 => Request::View(Box::new(View::everything())),
         5 => Request::Bye,
+        7 => {
+            if !(bytes.len() - 1).is_multiple_of(NAMED_BYTES) || bytes.len() / NAMED_BYTES > NAMED_LIMIT {
+                return r.error("nodes of another length, or too many");
+            }
+            let id = |r: &mut Reader| Ok(NodeId { tree: u32::from_le_bytes(r.array()?), node: u64::from_le_bytes(r.array()?) });
+            Request::Split((1..bytes.len()).step_by(NAMED_BYTES).map(|_| id(&mut r)).collect::<Result<_, ProtocolError>>()?)
+        }
         _ => return r.error("no request begins so"),
     };
     r.end(request)
@@ -214,7 +269,7 @@ pub fn base(base: &Base) -> Vec<u8> {
     [base.positions.len(), base.triangles.len()].iter().for_each(|&n| out.extend((n as u32).to_le_bytes()));
     for (p, b) in base.positions.iter().zip(&base.bounds) {
         p.iter().for_each(|x| out.extend(x.to_le_bytes()));
-        out.extend([b.radius, b.uniform, b.directional, b.axis[0] as u8, b.axis[1] as u8, b.sine]);
+        out.extend(b.to_bytes());
     }
     // As many bytes an index as the largest needs.
     let width = index_width(base.positions.len());
@@ -232,6 +287,7 @@ pub fn reply(reply: &Reply) -> Vec<u8> {
         Reply::Resumed => vec![130],
         Reply::Splits(packet) => [&[131], *packet].concat(),
         Reply::Done => vec![132],
+        Reply::Catalogue(names) => [&[134], names.join("\n").as_bytes()].concat(),
         Reply::Error(text) => [&[133], text.as_bytes()].concat(),
     }
 }
@@ -244,6 +300,10 @@ pub fn read_reply(bytes: &[u8]) -> Result<Reply<'_>, ProtocolError> {
         130 => Reply::Resumed,
         131 => Reply::Splits(r.take(bytes.len() - 1)?),
         132 => Reply::Done,
+        134 => {
+            let text = String::from_utf8_lossy(r.take(bytes.len() - 1)?).into_owned();
+            Reply::Catalogue(text.lines().take(CATALOGUE_LIMIT).map(Into::into).collect())
+        }
         133 => Reply::Error(String::from_utf8_lossy(r.take(bytes.len() - 1)?).into_owned()),
         _ => return r.error("no reply begins so"),
     };
@@ -278,8 +338,7 @@ fn read_base(r: &mut Reader) -> Result<Base, ProtocolError> {
     let (mut positions, mut bounds) = (Vec::with_capacity(vertices as usize), Vec::with_capacity(vertices as usize));
     for _ in 0..vertices {
         positions.push([r.f32()?, r.f32()?, r.f32()?]);
-        let [radius, uniform, directional, x, y, sine] = r.array()?;
-        bounds.push(Bounds { radius, uniform, directional, axis: [x as i8, y as i8], sine });
+        bounds.push(Bounds::from_bytes(r.array()?));
     }
     let mut index = || {
         let mut bytes = [0; 4];

@@ -1,9 +1,9 @@
 //! One client at the server.
 
 use crate::error::ProtocolError;
-use crate::message::{Reply, Request, Shape, read_request, reply};
+use crate::message::{Packets, Reply, Request, Shape, read_request, reply};
 use crate::model::Model;
-use crate::splits::{Spent, SplitModels, write};
+use crate::splits::{Spent, SplitModels, write, write_plain};
 use crate::tags::ActiveTags;
 use pmesh_core::hierarchy::{NONE, NodeId, View};
 use std::sync::Arc;
@@ -30,7 +30,10 @@ pub struct Counts {
 pub struct Session {
     model: Arc<Model>,
     tags: ActiveTags,
+    packets: Packets,
     models: Box<SplitModels>,
+    /// Nodes that the client has named, the next last; and that it waits for these.
+    named: Option<Vec<u32>>,
     /// The view that is worked on.
     view: Option<View>,
     /// Where the look through the front is, and where it must go back to: children that came behind it.
@@ -50,10 +53,12 @@ impl Session {
     /// From a client's first message, of so many bytes, and the model that it names. The first reply waits in [`Self::work`]. Errors: no first message, a model that is not the one that the
     /// client has. O(1), or O(what the client has).
     pub fn begin(first: Request, bytes: usize, model: Arc<Model>) -> Result<Self, ProtocolError> {
-        let begin = |model: Arc<Model>, tags, waiting| Self {
+        let begin = |model: Arc<Model>, packets, tags, waiting| Self {
             model,
             tags,
-            models: Box::default(),
+            packets,
+            models: SplitModels::of(packets),
+            named: None,
             view: None,
             at: 0,
             again: NONE,
@@ -61,17 +66,17 @@ impl Session {
             waiting,
         };
         match first {
-            Request::Hello { .. } => {
+            Request::Hello { packets, .. } => {
                 let tags = ActiveTags::new(model.hierarchy().root_count());
                 let base = model.base().to_vec();
-                Ok(begin(model, tags, base))
+                Ok(begin(model, packets, tags, base))
             }
-            Request::Resume { fingerprint, shape, .. } => {
+            Request::Resume { packets, fingerprint, shape, .. } => {
                 if model.fingerprint() != fingerprint {
                     return Err(ProtocolError::OtherModel { expected: model.fingerprint(), found: fingerprint });
                 }
                 let tags = leaves(&model, &shape)?;
-                Ok(begin(model, tags, reply(&Reply::Resumed)))
+                Ok(begin(model, packets, tags, reply(&Reply::Resumed)))
             }
             _ => Err(ProtocolError::Unexpected("a session begins with a hello")),
         }
@@ -83,19 +88,25 @@ impl Session {
         self.counts.bytes_up += bytes.len() as u64;
         match read_request(bytes)? {
             Request::View(view) => {
-                (self.view, self.at, self.again) = (Some(*view), 0, NONE);
+                (self.view, self.at, self.again, self.named) = (Some(*view), 0, NONE, None);
+                Ok(true)
+            }
+            Request::Split(ids) => {
+                // Names that are not there, or not any more, are nothing: what was forced may have been one of them.
+                self.named = Some(ids.into_iter().rev().filter_map(|id| self.model.hierarchy().find(id)).collect());
+                self.view = None;
                 Ok(true)
             }
             // It has forgotten something.
-            Request::Resume { fingerprint, shape, .. } => {
+            Request::Resume { packets, fingerprint, shape, .. } => {
                 if self.model.fingerprint() != fingerprint {
                     return Err(ProtocolError::OtherModel { expected: self.model.fingerprint(), found: fingerprint });
                 }
                 self.tags = leaves(&self.model, &shape)?;
                 let spent = self.models.spent;
-                *self.models = SplitModels::default();
+                (self.packets, self.models) = (packets, SplitModels::of(packets));
                 self.models.spent = spent;
-                (self.view, self.waiting) = (None, reply(&Reply::Resumed));
+                (self.view, self.named, self.waiting) = (None, None, reply(&Reply::Resumed));
                 Ok(true)
             }
             Request::Bye => Ok(false),
@@ -112,10 +123,37 @@ impl Session {
     }
     /// True if there is nothing to do until a message comes.
     pub fn is_idle(&self) -> bool {
-        self.waiting.is_empty() && self.view.is_none()
+        self.waiting.is_empty() && self.view.is_none() && self.named.is_none()
     }
 
+    /// Splits what was named.
+    fn take_named(&mut self, most: u32) -> Option<Vec<u8>> {
+        let mut splits = Vec::new();
+        let mut named = self.named.take()?;
+        while (splits.len() as u32) < most {
+            let Some(i) = named.pop() else { break };
+            if self.tags.contains(i) {
+                self.split(i, &mut splits);
+            }
+        }
+        if splits.is_empty() {
+            return Some(reply(&Reply::Done));
+        }
+        self.named = Some(named);
+        Some(self.packet(&splits))
+    }
+    fn packet(&mut self, splits: &[u32]) -> Vec<u8> {
+        self.counts.splits += splits.len() as u64;
+        let packet = match self.packets {
+            Packets::Plain => write_plain(&self.model, splits),
+            _ => write(&mut self.models, &self.model, &self.tags, splits),
+        };
+        reply(&Reply::Splits(&packet))
+    }
     fn scan(&mut self, most: u32, budget: u32) -> Option<Vec<u8>> {
+        if self.named.is_some() {
+            return self.take_named(most);
+        }
         let view = self.view?;
         let most = most.min(crate::splits::PACKET_LIMIT / 2);
         let (mut splits, mut look) = (Vec::new(), Vec::with_capacity(STRIDE));
@@ -154,11 +192,10 @@ impl Session {
                 }
             }
         }
-        self.counts.splits += splits.len() as u64;
         if splits.is_empty() {
             return self.view.is_none().then(|| std::mem::take(&mut self.waiting));
         }
-        Some(reply(&Reply::Splits(&write(&mut self.models, &self.model, &self.tags, &splits))))
+        Some(self.packet(&splits))
     }
 
     /// SelStreamVSplit (E.11): first the node at which both cuts stand. Iterative; each step goes down, so it ends.
@@ -204,7 +241,8 @@ impl Session {
     }
     /// Bytes of this session, the model not counted.
     pub fn memory_bytes(&self) -> usize {
-        size_of::<Self>() + size_of::<SplitModels>() + self.tags.memory_bytes() + self.waiting.capacity()
+        let named = self.named.as_ref().map_or(0, |n| 4 * n.capacity());
+        size_of::<Self>() + size_of::<SplitModels>() + self.tags.memory_bytes() + self.waiting.capacity() + named
     }
 }
 

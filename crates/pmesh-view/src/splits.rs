@@ -7,6 +7,7 @@
 //! by chances that learn as long as the session lasts, some 16 kB at either end.
 
 use crate::error::ProtocolError;
+use crate::message::Packets;
 use crate::model::Model;
 use crate::tags::ActiveTags;
 use pmesh_codec::pmesh::Quantisation;
@@ -56,6 +57,8 @@ impl Spent {
 pub struct SplitModels {
     /// Bits so far.
     pub spent: Spent,
+    /// [`Packets::CutsOnly`].
+    pub(crate) cuts_only: bool,
     /// Below which children there are splits.
     below: [Chance; 4],
     /// A new child splits too; the last of roots of a block.
@@ -87,6 +90,7 @@ impl Default for SplitModels {
         let (chance, number) = (Chance::default(), [Chance::default(); 32]);
         Self {
             spent: Spent::default(),
+            cuts_only: false,
             below: [chance; 4],
             again: [[chance; SIZES]; 3],
             present: [chance; 4],
@@ -104,6 +108,13 @@ impl Default for SplitModels {
             axis: [[number; 5]; 2],
             sine: [[number; 5]; 2],
         }
+    }
+}
+
+impl SplitModels {
+    /// Chances that have learnt nothing, for packets of that kind.
+    pub(crate) fn of(packets: Packets) -> Box<Self> {
+        Box::new(Self { cuts_only: packets == Packets::CutsOnly, ..Default::default() })
     }
 }
 
@@ -150,6 +161,8 @@ pub(crate) struct Writing<'a> {
     pub(crate) done: HashSet<u32>,
     /// Splits that the other end counts on beside these.
     pub(crate) knew: &'a dyn Fn(u32) -> bool,
+    /// The front after it, if cuts are told as they stand in it.
+    pub(crate) cut_at: Option<&'a ActiveTags>,
 }
 
 impl Side for Writing<'_> {
@@ -169,7 +182,13 @@ impl Side for Writing<'_> {
         self.model.row(i)
     }
     fn bounds(&self, i: u32) -> Bounds {
-        self.model.hierarchy().nodes()[i as usize].bounds
+        let own = self.model.hierarchy().nodes()[i as usize].bounds;
+        if self.cut_at.is_none() || i < self.roots() {
+            return own;
+        }
+        // What the other end takes them for.
+        let id = self.id(i);
+        assumed(self.bounds(id.tree), id.depth().unwrap_or(0), own.is_leaf())
     }
     fn cuts(&self, i: u32) -> [Option<NodeId>; 2] {
         self.model.cuts(i)
@@ -178,7 +197,13 @@ impl Side for Writing<'_> {
         self.wanted.contains(&i)
     }
     fn truth(&self, i: u32) -> Option<Split> {
-        Some(split_of(self.model, i))
+        let h = self.model.hierarchy();
+        let mut split = split_of(self.model, i);
+        if let Some(tags) = self.cut_at {
+            let at = |cut: u32| if cut == NONE { None } else { h.id(h.active_ancestor(cut, |n| tags.contains(n))?) };
+            split.cuts = h.nodes()[i as usize].cuts.map(at);
+        }
+        Some(split)
     }
     fn add(&mut self, i: u32, _: &Split) -> Result<u32, ProtocolError> {
         self.done.insert(i);
@@ -287,7 +312,8 @@ pub fn write(models: &mut SplitModels, model: &Model, tags: &ActiveTags, splits:
         }
     }
     let new: HashSet<u32> = splits.iter().copied().collect();
-    let mut side = Writing { model, wanted, done: HashSet::new(), knew: &|i| !tags.contains(i) && !new.contains(&i) };
+    let cut_at = models.cuts_only.then_some(tags);
+    let mut side = Writing { model, wanted, done: HashSet::new(), knew: &|i| !tags.contains(i) && !new.contains(&i), cut_at };
     let mut coder = Encoder::new();
     // What is written is what was asked for: nothing can be wrong with it.
     let written = walk(&mut coder, models, &mut side, splits.len() as u32);
@@ -432,7 +458,8 @@ pub(crate) fn code<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &dyn Side
     m.spent.positions += placed - start;
     let missing = truth.map_or(0, |t| t.cuts.iter().position(Option::is_none).map_or(0, |k| k + 1));
     let missing = coder.symbol(&mut m.present, missing as u32) as usize;
-    let mut known = candidates(side, i);
+    // Cuts that are told as they stood have no names that both ends know.
+    let mut known = candidates(side, i, if m.cuts_only { 1 } else { CANDIDATES - 1 });
     let mut cuts = [None; 2];
     for k in (0..2).filter(|k| k + 1 != missing) {
         let middle: [i64; 3] = std::array::from_fn(|a| i64::from(own[a]) + i64::from(row[a]));
@@ -446,6 +473,11 @@ pub(crate) fn code<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &dyn Side
     for (k, child) in children.iter_mut().enumerate() {
         let b = truth.map_or(Bounds::default(), |t| t.bounds[k]);
         if coder.bit(&mut m.leaf[k][size], b.is_leaf()) {
+            continue;
+        }
+        if m.cuts_only {
+            let root = side.bounds(id.tree);
+            *child = assumed(root, id.depth().unwrap_or(0) + 1, false);
             continue;
         }
         // Radii are odd.
@@ -477,8 +509,55 @@ pub(crate) fn code<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &dyn Side
     Ok(Split { id, cuts, position: side.grid().position_of_row(row), bounds: children })
 }
 
+/// What a node's bounds are taken for where none are sent: its radius gets smaller from step to step, its error is not known.
+fn assumed(root: Bounds, depth: u32, is_leaf: bool) -> Bounds {
+    let radius = root.radius.saturating_sub(depth.saturating_mul(2).min(254) as u8).max(1);
+    if is_leaf { Bounds::default() } else { Bounds { radius, uniform: 1, sine: Bounds::NO_CONE, ..Default::default() } }
+}
+
+/// Bytes of a split in a plain packet.
+const PLAIN_BYTES: usize = 12 + 24 + 24 + 12;
+
+/// A packet as the paper has it (E.9): name, both cuts, positions and bounds of both children, one after the other. O(splits · depth).
+pub fn write_plain(model: &Model, splits: &[u32]) -> Vec<u8> {
+    let mut out = Vec::with_capacity(splits.len() * PLAIN_BYTES);
+    let name = |out: &mut Vec<u8>, id: Option<NodeId>| {
+        let id = id.unwrap_or(NodeId { tree: 0, node: 0 });
+        out.extend(id.tree.to_le_bytes());
+        out.extend(id.node.to_le_bytes());
+    };
+    for &i in splits {
+        let split = split_of(model, i);
+        [Some(split.id), split.cuts[0], split.cuts[1]].into_iter().for_each(|id| name(&mut out, id));
+        for p in [model.hierarchy().position(i), split.position] {
+            p.iter().for_each(|x| out.extend(x.to_le_bytes()));
+        }
+        split.bounds.iter().for_each(|b| out.extend(b.to_bytes()));
+    }
+    out
+}
+/// Reads a plain packet, as [`read`] does.
+pub fn read_plain(front: &mut Front, total: u64, bytes: &[u8]) -> Result<u32, ProtocolError> {
+    if !bytes.len().is_multiple_of(PLAIN_BYTES) {
+        return Err(ProtocolError::Syntax { at: bytes.len(), what: "a part of a split" });
+    }
+    for packed in bytes.chunks_exact(PLAIN_BYTES) {
+        let four = |at: usize| [packed[at], packed[at + 1], packed[at + 2], packed[at + 3]];
+        let word = |at: usize| u32::from_le_bytes(four(at));
+        let id = |at: usize| NodeId { tree: word(at), node: u64::from(word(at + 4)) | u64::from(word(at + 8)) << 32 };
+        let cut = |at: usize| Some(id(at)).filter(|c| c.node != 0);
+        let bounds = |at: usize| Bounds::from_bytes(std::array::from_fn(|k| packed[at + k]));
+        let position = [48, 52, 56].map(|at| f32::from_le_bytes(four(at)));
+        if front.known() as u64 + 2 > total {
+            return Err(ProtocolError::Unexpected("more nodes than the base mesh announces"));
+        }
+        front.learn(&Split { id: id(0), cuts: [cut(12), cut(24)], position, bounds: [bounds(60), bounds(66)] })?;
+    }
+    Ok((bytes.len() / PLAIN_BYTES) as u32)
+}
+
 /// Names that the cuts of node `i` may lie near: its sibling, and the cuts of those above.
-fn candidates(side: &dyn Side, i: u32) -> Vec<NodeId> {
+fn candidates(side: &dyn Side, i: u32, most: usize) -> Vec<NodeId> {
     let mut known = Vec::with_capacity(CANDIDATES + 1);
     let mut at = i;
     for step in 0..ANCESTORS {
@@ -490,7 +569,7 @@ fn candidates(side: &dyn Side, i: u32) -> Vec<NodeId> {
         known.extend(side.cuts(parent).into_iter().flatten());
         at = parent;
     }
-    known.truncate(CANDIDATES - 1);
+    known.truncate(most);
     known
 }
 

@@ -6,7 +6,7 @@ use common::{BITS, lap, model_of, of, part, plain, shown};
 use pmesh_build::sample::{knot, sample};
 use pmesh_codec::pmesh::quantise;
 use pmesh_core::hierarchy::View;
-use pmesh_view::message::{self, Request};
+use pmesh_view::message::{self, Packets, Request};
 use pmesh_view::{Client, Limits, Model, Session};
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -136,6 +136,44 @@ fn limits_are_kept_by_a_coarser_tolerance_and_by_forgetting() {
 }
 
 #[test]
+fn e19_names_instead_of_views_and_cuts_alone_show_the_same() {
+    let (mesh, model) = part();
+    let views = lap(&model, 6);
+    let run = |client: Client| {
+        let (mut client, mut session) = (client, None);
+        let mut seen = Vec::new();
+        for view in &views {
+            talk(&mut client, &mut session, &model, view, &mut u64::MAX.clone());
+            seen.push(shown(&client));
+        }
+        client.front().mesh().check_invariants();
+        (seen, client, session)
+    };
+    let (seen, coded, _) = run(Client::new("part"));
+    let (plain_seen, plain, _) = run(Client::new("part").with_packets(Packets::Plain));
+    assert_eq!(plain_seen, seen);
+    let (named_seen, named, _) = run(Client::new("part").by_names());
+    assert_eq!(named_seen, seen);
+    let (_, mut cuts, mut session) = run(Client::new("part").with_packets(Packets::CutsOnly));
+    let each = |c: &Client| (c.bytes().1 as f64 - model.base().len() as f64) / c.splits() as f64;
+    println!(
+        "bytes a split: {:.2} coded, {:.2} plain, {:.2} by names, {:.2} cuts only",
+        each(&coded),
+        each(&plain),
+        each(&named),
+        each(&cuts)
+    );
+    println!("up: {} views, {} names", coded.bytes().0, named.bytes().0);
+    assert!(named.bytes().0 > coded.bytes().0 && each(&plain) > 70.0 && each(&cuts) < 0.7 * each(&coded));
+    assert_eq!(named.splits(), coded.splits());
+    // A client that forgets nothing has what the server sent for all of the views.
+    assert_eq!(cuts.splits(), coded.splits());
+    assert_eq!(cuts.front().known() as u64, u64::from(model.hierarchy().root_count()) + 2 * cuts.splits());
+    talk(&mut cuts, &mut session, &model, &View::everything(), &mut u64::MAX.clone());
+    assert_eq!(shown(&cuts), of(&mesh));
+}
+
+#[test]
 fn g24_all_of_a_session_is_the_mesh_bit_for_bit() {
     for (name, bits) in [("knot", Some(14)), ("marble", None), ("tetrahedra", Some(12)), ("part", None)] {
         let mesh = quantise(&plain(sample(name).expect("a sample").mesh), bits);
@@ -181,7 +219,7 @@ fn g22_tags_take_a_tenth_of_a_list_of_nodes() {
 fn g25_messages_that_are_none_end_the_session_and_nothing_else() {
     let (_, model) = part();
     let find = |_: &str| Some(model.clone());
-    let hello = message::request(&Request::Hello { model: "part".into() });
+    let hello = message::request(&Request::Hello { model: "part".into(), packets: Default::default() });
     assert!(Session::open(&hello, |_| None).is_err());
     assert!(Session::open(&hello[..5], find).is_err());
     let mut session = Session::open(&hello, find).expect("it opens");
@@ -198,6 +236,7 @@ fn g25_messages_that_are_none_end_the_session_and_nothing_else() {
     let shape = |bits: usize, count: u64| {
         let mut resume = message::request(&Request::Resume {
             model: "part".into(),
+            packets: Default::default(),
             fingerprint: model.fingerprint(),
             shape: (0..bits).map(|_| true).collect(),
         });
@@ -208,17 +247,27 @@ fn g25_messages_that_are_none_end_the_session_and_nothing_else() {
     assert!(shape(100_000, 100_000).is_err());
     assert!(shape(8, u64::MAX).is_err());
     assert!(shape(0, 0).is_err());
-    let other =
-        message::request(&Request::Resume { model: "part".into(), fingerprint: 7, shape: (0..60).map(|_| false).collect() });
+    let other = message::request(&Request::Resume {
+        model: "part".into(),
+        packets: Default::default(),
+        fingerprint: 7,
+        shape: (0..60).map(|_| false).collect(),
+    });
     assert!(Session::open(&other, find).is_err());
 }
 
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(300) })]
     #[test]
-    fn g25_no_reply_makes_a_client_panic(cuts in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6), length in any::<prop::sample::Index>()) {
+    fn g25_no_reply_makes_a_client_panic(kind in 0..4u32, cuts in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6), length in any::<prop::sample::Index>()) {
         let (_, model) = part();
-        let (mut client, mut session) = (Client::new("part"), None);
+        let of_kind = || match kind {
+            0 => Client::new("part"),
+            1 => Client::new("part").with_packets(Packets::Plain),
+            2 => Client::new("part").with_packets(Packets::CutsOnly),
+            _ => Client::new("part").by_names(),
+        };
+        let (mut client, mut session) = (of_kind(), None);
         let view = lap(&model, 7)[0];
         while let Some(m) = client.poll() {
             session = Some(Session::open(&m, |_| Some(model.clone())).expect("it opens"));
@@ -228,7 +277,7 @@ proptest! {
         client.receive(&base).expect("it is");
         client.refine(&view, u32::MAX).expect("a hierarchy");
         session.receive(&client.poll().expect("a view")).expect("it is");
-        let mut other = Client::new("part");
+        let mut other = of_kind();
         let mut damaged = base.clone();
         for (at, with) in &cuts {
             let at = at.index(damaged.len());

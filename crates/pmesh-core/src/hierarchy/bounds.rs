@@ -41,6 +41,14 @@ impl Bounds {
     /// What [`Self::sine`] is without a cone.
     pub const NO_CONE: u8 = 31;
 
+    /// The six bytes.
+    pub fn to_bytes(&self) -> [u8; 6] {
+        [self.radius, self.uniform, self.directional, self.axis[0] as u8, self.axis[1] as u8, self.sine]
+    }
+    /// From six bytes.
+    pub fn from_bytes([radius, uniform, directional, x, y, sine]: [u8; 6]) -> Self {
+        Self { radius, uniform, directional, axis: [x as i8, y as i8], sine }
+    }
     /// True of a leaf of the whole hierarchy: nothing lies below it, so nothing is off.
     pub fn is_leaf(&self) -> bool {
         self.uniform == 0 && self.directional == 0
