@@ -5,13 +5,14 @@ use crate::tools;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const TARGETS: [&str; 3] = ["decode", "cuts", "round_trip"];
+const TARGETS: [&str; 4] = ["decode", "cuts", "round_trip", "views"];
 /// What `cargo fuzz` passes, but for the sanitizer: there is no unsafe code for it to watch.
 const COVERAGE: &str = "--cfg fuzzing -Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
     -Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table -Clink-dead-code \
     -Ccodegen-units=1 -Cdebug-assertions";
 /// Ways to encode a sample, as arguments, and endings.
-const STREAMS: [(&str, &[&str]); 6] = [
+const STREAMS: [(&str, &[&str]); 7] = [
+    ("views.pmesh", &["--profile", "views"]),
     ("prefix.pmesh", &["--profile", "prefix"]),
     ("exact.pmesh", &["--profile", "size", "--bits", "none"]),
     ("fast.pmesh", &["--profile", "fast"]),
@@ -47,8 +48,12 @@ pub fn run_targets(only: &[String], seconds: u64) -> Result<()> {
         }
         for seed in &seeds {
             let bytes = fs::read(seed).map_err(failed(seed))?;
-            // The first byte says how a stream is cut.
-            let bytes = if *target == "cuts" { [&[99], &bytes[..]].concat() } else { bytes };
+            // The first byte says how a stream is cut, or what it is taken for.
+            let bytes = match *target {
+                "cuts" => [&[99], &bytes[..]].concat(),
+                "views" => [&[0], &bytes[..]].concat(),
+                _ => bytes,
+            };
             let copy = corpus.join(seed.file_name().unwrap_or_default());
             fs::write(&copy, bytes).map_err(failed(&copy))?;
         }

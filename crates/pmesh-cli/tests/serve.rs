@@ -254,7 +254,8 @@ fn look_writes_what_is_seen_and_goes_on_after_a_break() {
 #[test]
 fn the_catalogue_names_what_is_there_and_a_file_for_views_is_served_as_it_is() {
     let folder = folder("serve-catalogue");
-    let run = |args: &[&str]| Command::new(env!("CARGO_BIN_EXE_pmesh")).current_dir(&folder).args(args).output().expect("it runs");
+    let run =
+        |args: &[&str]| Command::new(env!("CARGO_BIN_EXE_pmesh")).current_dir(&folder).args(args).output().expect("it runs");
     std::fs::create_dir_all(folder.join("more")).expect("a folder");
     assert!(run(&["sample", "part", "-o", "more/views.pmesh", "--profile", "views", "--bits", "12"]).status.success());
     std::fs::write(folder.join(".hidden.pmesh"), "no").expect("it can be written");
