@@ -21,7 +21,7 @@ impl Default for Limits {
 }
 
 /// Bytes that a triangle of a front takes at most, what is above the front included: half a node of the front, and as much above it.
-const TRIANGLE_BYTES: usize = 96;
+const TRIANGLE_BYTES: usize = 100;
 
 /// A front, and what it is of.
 #[derive(Debug, Default)]

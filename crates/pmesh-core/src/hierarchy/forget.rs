@@ -48,6 +48,7 @@ impl Front {
         let front = self.front.iter().map(|&i| or_none(node(i))).collect();
         let keep = |n: usize| splits[n].is_some();
         self.cuts = self.cuts.iter().enumerate().filter(|(n, _)| keep(*n)).map(|(_, c)| *c).collect();
+        self.near = self.cuts.iter().map(|cuts| cuts.map(|c| if c.node == 0 { NONE } else { c.tree })).collect();
         let positions = self.positions.iter().enumerate();
         self.positions = positions.filter(|(v, _)| *v < roots || keep(*v - roots)).map(|(_, p)| *p).collect();
         self.mesh.rename(vertex, triangle, (first_vertex + count, first_triangle + 2 * count));

@@ -25,6 +25,10 @@ pub(super) struct Known {
     pub(super) vertex: u32,
     /// Place in the list of the front, or [`NONE`].
     pub(super) at: u32,
+    /// Steps from its root.
+    pub(super) depth: u8,
+    /// Something below it is in the front.
+    pub(super) is_above: bool,
     pub(super) bounds: Bounds,
 }
 
@@ -58,12 +62,14 @@ pub struct Progress {
     pub denied: bool,
 }
 
-/// The client's side: a partial hierarchy, the front in it, and its mesh (E.6). 24 bytes a node, 44 a split, 32 a triangle, and a list of the front.
+/// The client's side: a partial hierarchy, the front in it, and its mesh (E.6). 24 bytes a node, 52 a split, 32 a triangle, and a list of the front.
 #[derive(Clone, Debug, Default)]
 pub struct Front {
     pub(super) known: Vec<Known>,
     /// Of the nodes with children, in the order in which these came.
     pub(super) cuts: Vec<[NodeId; 2]>,
+    /// Where the front was above these cuts when last looked: a step or two from where it is.
+    pub(super) near: Vec<[u32; 2]>,
     /// Of the mesh's vertices.
     pub(super) positions: Vec<[f32; 3]>,
     pub(super) mesh: FrontMesh,
@@ -103,7 +109,15 @@ impl Front {
         {
             return Err(HierarchyError::NotFinite);
         }
-        let root = |(i, &bounds): (usize, &Bounds)| Known { parent: NONE, child: NONE, vertex: i as u32, at: i as u32, bounds };
+        let root = |(i, &bounds): (usize, &Bounds)| Known {
+            parent: NONE,
+            child: NONE,
+            vertex: i as u32,
+            at: i as u32,
+            depth: 0,
+            is_above: false,
+            bounds,
+        };
         Ok(Self {
             known: bounds.iter().enumerate().map(root).collect(),
             base_triangles: triangles.len() as u32,
@@ -186,17 +200,25 @@ impl Front {
     }
     /// The node of the front above a leaf of the whole hierarchy, most of which is not known here (E.4). `None` if the front is below. O(depth).
     pub fn active_ancestor(&self, leaf: NodeId) -> Option<NodeId> {
-        Some(self.id(self.active(leaf)?))
+        let root = Some(leaf.tree).filter(|&t| t < self.roots)?;
+        Some(self.id(self.active(leaf, root)?))
     }
-    fn active(&self, leaf: NodeId) -> Option<u32> {
-        leaf.depth()?;
-        let mut at = Some(leaf.tree).filter(|&t| t < self.roots)?;
-        let mut way = leaf.way();
-        while self.known[at as usize].at == NONE {
-            let child = Some(self.known[at as usize].child).filter(|&c| c != NONE)?;
-            at = child + u32::from(way.next()?);
+    /// The same by number, from a node on the way.
+    fn active(&self, leaf: NodeId, from: u32) -> Option<u32> {
+        let depth = leaf.depth()?;
+        let mut at = from;
+        loop {
+            let known = &self.known[at as usize];
+            if known.at != NONE {
+                return Some(at);
+            }
+            at = if known.is_above {
+                let below = depth.checked_sub(u32::from(known.depth) + 1)?;
+                known.child + (leaf.node >> below & 1) as u32
+            } else {
+                Some(known.parent).filter(|&p| p != NONE)?
+            };
         }
-        Some(at)
     }
 
     /// Takes up the children of a node; the front stays where it is (E.12). O(depth). Errors: a node that is not known or has children, a cut that cannot be.
@@ -222,12 +244,13 @@ impl Front {
         let child = self.known.len() as u32;
         let own = &mut self.known[i as usize];
         own.child = child;
-        let red = own.vertex;
+        let (red, depth) = (own.vertex, own.depth + 1);
         let blue = self.positions.len() as u32;
         for (bounds, vertex) in split.bounds.into_iter().zip([red, blue]) {
-            self.known.push(Known { parent: i, child: NONE, vertex, at: NONE, bounds });
+            self.known.push(Known { parent: i, child: NONE, vertex, at: NONE, depth, is_above: false, bounds });
         }
         self.cuts.push(split.cuts.map(|c| c.unwrap_or(NO_CUT)));
+        self.near.push(split.cuts.map(|c| c.map_or(NONE, |c| c.tree)));
         self.positions.push(split.position);
         Ok(())
     }
@@ -275,8 +298,10 @@ impl Front {
         let number = self.number(child);
         let cuts = self.cuts[number as usize];
         let mut ends = [NONE; 2];
-        for (end, cut) in ends.iter_mut().zip(cuts).filter(|(_, c)| *c != NO_CUT) {
-            *end = self.active(cut).ok_or(HierarchyError::BadCut { id: self.id(s), cut })?;
+        for (k, (end, cut)) in ends.iter_mut().zip(cuts).enumerate().filter(|(_, (_, c))| *c != NO_CUT) {
+            let near = self.near[number as usize][k];
+            *end = self.active(cut, near).ok_or(HierarchyError::BadCut { id: self.id(s), cut })?;
+            self.near[number as usize][k] = *end;
         }
         if ends[0] == ends[1] {
             return Ok(Some(ends[0]));
@@ -292,6 +317,7 @@ impl Front {
             g.split(vertex, blue, ends);
         }
         self.known[s as usize].at = NONE;
+        self.known[s as usize].is_above = true;
         self.front[at as usize] = child;
         self.known[child as usize].at = at;
         self.known[child as usize + 1].at = self.front.len() as u32;
@@ -315,6 +341,7 @@ impl Front {
         }
         self.front[places[0] as usize] = i;
         self.known[i as usize].at = places[0];
+        self.known[i as usize].is_above = false;
         self.front.swap_remove(places[1] as usize);
         if let Some(&moved) = self.front.get(places[1] as usize) {
             self.known[moved as usize].at = places[1];
@@ -362,7 +389,7 @@ impl Front {
     }
     /// Bytes of what is known and of its mesh, without room for more.
     pub fn memory_bytes(&self) -> usize {
-        let known = size_of::<Known>() * self.known.len() + size_of::<[NodeId; 2]>() * self.cuts.len();
+        let known = size_of::<Known>() * self.known.len() + (size_of::<[NodeId; 2]>() + 8) * self.cuts.len();
         let lists = 12 * self.positions.len() + 4 * self.front.len();
         known + lists + self.mesh.memory_bytes() + self.geomorphs.as_ref().map_or(0, Geomorphs::memory_bytes)
     }

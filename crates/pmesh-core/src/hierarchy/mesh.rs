@@ -14,6 +14,7 @@ pub struct FrontMesh {
     changes: Option<Vec<u32>>,
     own: Ring,
     other: Ring,
+    fan: Vec<u32>,
 }
 
 /// Largest product of two rings that are compared: what is larger stays split.
@@ -28,19 +29,66 @@ struct Ring {
 }
 
 impl Ring {
-    fn gather(&mut self, surface: &Surface, start: u32) {
+    fn gather(&mut self, s: &Surface, start: u32) {
         self.corners.clear();
         self.vertices.clear();
         self.closed = false;
         if start == NONE {
             return;
         }
-        self.corners.extend(surface.around(start));
-        self.vertices.extend(self.corners.iter().map(|&c| surface.vertex(next(c))));
-        let last = self.corners[self.corners.len() - 1];
-        self.closed = surface.turn(last) != NONE;
+        // Most fans are closed: forward first.
+        let mut c = start;
+        loop {
+            self.corners.push(c);
+            c = s.turn(c);
+            if c == start {
+                self.closed = true;
+                break;
+            }
+            if c == NONE {
+                self.corners.clear();
+                self.corners.extend(s.around(start));
+                break;
+            }
+        }
+        self.vertices.extend(self.corners.iter().map(|&c| s.vertex(next(c))));
         if !self.closed {
-            self.vertices.push(surface.vertex(previous(last)));
+            self.vertices.push(s.vertex(previous(self.corners[self.corners.len() - 1])));
+        }
+    }
+}
+
+/// What a collapse takes away: triangles, and the corner of each that stays where it is.
+#[derive(Clone, Copy, Debug)]
+struct Gone {
+    triangles: [u32; 2],
+    corners: [u32; 2],
+    count: usize,
+}
+
+impl Gone {
+    fn triangles(&self) -> &[u32] {
+        &self.triangles[..self.count]
+    }
+    fn corners(&self) -> &[u32] {
+        &self.corners[..self.count]
+    }
+}
+
+/// True if the fan at a corner has fewer triangles than a vertex must have that loses one.
+fn is_thin(s: &Surface, start: u32) -> bool {
+    let (mut c, mut count) = (start, 0);
+    loop {
+        count += 1;
+        c = s.turn(c);
+        if c == start {
+            return count < 4;
+        }
+        if count >= 4 {
+            return false;
+        }
+        if c == NONE {
+            return s.around(start).take(2).count() < 2;
         }
     }
 }
@@ -139,7 +187,9 @@ impl FrontMesh {
             }),
         };
         let Some((from, moved)) = fan else { return false };
-        let fan: Vec<u32> = (from..from + moved).map(|i| ring.corners[i % count]).collect();
+        let mut fan = std::mem::take(&mut self.fan);
+        fan.clear();
+        fan.extend((from..from + moved).map(|i| ring.corners[i % count]));
         // The triangles of red beside the fan: before it, and after it.
         let beside = |i: usize| if ring.closed { ring.corners.get(i % count) } else { ring.corners.get(i) };
         let before = if ring.closed { beside(from + count - 1) } else { from.checked_sub(1).and_then(beside) };
@@ -173,18 +223,20 @@ impl FrontMesh {
             self.shown.push(t);
         }
         let new = triangles.into_iter().zip(cuts).filter(|(_, cut)| *cut != NONE).map(|(t, _)| 3 * t);
-        self.note(fan.into_iter().chain(new));
+        self.note(fan.iter().copied().chain(new));
+        self.fan = fan;
         true
     }
 
     /// Undoes [`Self::split`], wherever the cuts are now; false, and nothing is changed, if what is left would be no manifold: the two have a neighbour
     /// in common beside the cuts, or a vertex would be left with too few triangles. O(valence).
     pub(super) fn collapse(&mut self, red: u32, blue: u32, triangles: Pair) -> bool {
-        let Some((pairs, thirds, moved)) = self.look_at_collapse(red, blue, triangles) else { return false };
+        let Some(gone) = self.look_at_collapse(red, blue, triangles) else { return false };
+        let moved = std::mem::take(&mut self.own.corners);
         self.note(moved.iter().copied());
         let s = &mut self.surface;
         moved.iter().for_each(|&c| s.triangles[c as usize / 3][c as usize % 3] = red);
-        for (&t, &c) in pairs.iter().zip(&thirds) {
+        for (&t, &c) in gone.triangles().iter().zip(gone.corners()) {
             // The edges at the third corner: what lay across them meets.
             let (a, b) = (s.across[c as usize], s.across[previous(c) as usize]);
             for (e, f) in [(a, b), (b, a)] {
@@ -208,24 +260,29 @@ impl FrontMesh {
         let there = |s: &Surface, c: u32| s.triangles[c as usize / 3][0] != NONE;
         let left = moved.iter().chain(&self.other.corners).copied();
         s.corner_of[red as usize] = left.clone().find(|&c| there(s, c)).unwrap_or(NONE);
-        let neighbours: Vec<u32> = left.filter(|&c| there(s, c)).flat_map(|c| [next(c), previous(c)]).collect();
-        neighbours.into_iter().for_each(|c| s.corner_of[s.triangles[c as usize / 3][c as usize % 3] as usize] = c);
+        for c in left.filter(|&c| s.triangles[c as usize / 3][0] != NONE) {
+            let triangle = s.triangles[c as usize / 3];
+            [next(c), previous(c)].into_iter().for_each(|c| s.corner_of[triangle[c as usize % 3] as usize] = c);
+        }
         self.own.corners = moved;
         true
     }
     /// True if [`Self::collapse`] could be done now. O(valence).
     pub(super) fn can_collapse(&mut self, red: u32, blue: u32, triangles: Pair) -> bool {
-        let looked = self.look_at_collapse(red, blue, triangles);
-        looked.map(|(_, _, moved)| self.own.corners = moved).is_some()
+        self.look_at_collapse(red, blue, triangles).is_some()
     }
-    /// The triangles that go, the corner of each that stays where it is, and blue's corners; the fan of red is in `other`.
-    fn look_at_collapse(&mut self, red: u32, blue: u32, triangles: Pair) -> Option<(Vec<u32>, Vec<u32>, Vec<u32>)> {
+    /// What goes, if it can; the fan of blue is in `own` then, that of red in `other`.
+    fn look_at_collapse(&mut self, red: u32, blue: u32, triangles: Pair) -> Option<Gone> {
         let s = &self.surface;
         let there = |t: u32| s.triangles.get(t as usize).is_some_and(|x| x.contains(&blue) && x.contains(&red));
-        let pairs: Vec<u32> = triangles.into_iter().filter(|&t| there(t)).collect();
         let third = |t: u32| (3 * t..3 * t + 3).find(|&c| s.vertex(c) != blue && s.vertex(c) != red);
-        let thirds: Vec<u32> = pairs.iter().filter_map(|&t| third(t)).collect();
-        if thirds.is_empty() || thirds.len() != pairs.len() {
+        let mut gone = Gone { triangles: [NONE; 2], corners: [NONE; 2], count: 0 };
+        for t in triangles.into_iter().filter(|&t| there(t)) {
+            (gone.triangles[gone.count], gone.corners[gone.count]) = (t, third(t)?);
+            gone.count += 1;
+        }
+        let (pairs, thirds) = (gone.triangles(), gone.corners());
+        if pairs.is_empty() {
             return None;
         }
         let Self { own, other, .. } = self;
@@ -250,15 +307,10 @@ impl FrontMesh {
         if left < if other.closed { 3 } else { 1 } {
             return None;
         }
-        let moved = std::mem::take(&mut own.corners);
-        for &c in &thirds {
-            own.gather(s, c);
-            if own.corners.len() < if own.closed { 4 } else { 2 } {
-                own.corners = moved;
-                return None;
-            }
+        if thirds.iter().any(|&c| is_thin(s, c)) {
+            return None;
         }
-        Some((pairs, thirds, moved))
+        Some(gone)
     }
 
     /// Panics unless what is across from each edge is, and the triangles about each vertex of a split or collapse are one fan; tests call it. O(triangles).
