@@ -16,6 +16,8 @@ const SCENES = {
   "part-wireframe": { src: "/samples/part.pmesh", wireframe: "" },
   "knot-representatives": { src: "/samples/knot.pmesh", debug: "representatives", level: "4" },
   "tetrahedra-morph": { src: "/samples/tetrahedra.pmesh", level: "0.5" },
+  // What a near view has refined, and its edge.
+  "globe-views": { src: "/samples/globe-views.pmesh", "view-dependent": "", wireframe: "", zoom: 3, away: 1.2 },
   "figure6": { src: "/samples/figure6.lod", level: "1" },
 };
 const DIFFERENT = 24;
@@ -25,7 +27,7 @@ let server;
 let browser;
 before(async () => {
   server = await startServer();
-  browser = await startBrowser();
+  browser = await startBrowser({ still: true });
 });
 after(async () => {
   await browser?.close();
@@ -40,15 +42,24 @@ for (const [name, attributes] of Object.entries(SCENES)) {
     assert.ok(update || existsSync(reference), `${name}.png is missing: run with PMESH_UPDATE=1`);
     const expected = update ? null : readFileSync(reference).toString("base64");
     const { png, part } = await page.evaluate(async (attributes, expected, DIFFERENT) => {
-      const { bytes, ...rest } = attributes;
+      const { bytes, zoom, away, ...rest } = attributes;
       const mesh = add(rest, "width:320px;height:320px");
+      if (zoom) {
+        mesh.camera.zoom = zoom;
+        await until(mesh, "refine", (d) => d.settled && d.splits > 0);
+        // Seen from elsewhere.
+        mesh.frozen = true;
+        mesh.camera.zoom = away;
+        mesh.requestRender();
+        await new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(resolve)));
+      }
       let level = Number(attributes.level ?? 0);
       if (bytes) {
         await until(mesh, "levelready");
         level = mesh.info.levels.findLast(({ endByte }) => endByte <= bytes).level;
         mesh.level = level;
       }
-      await until(mesh, "levelchange", (d) => d.level === level);
+      if (!zoom) await until(mesh, "levelchange", (d) => d.level === level);
       await settled(mesh);
       if (attributes.debug) mesh.shadowRoot.querySelector(".debug").hidden = true;
       const blob = await mesh.toBlob();
