@@ -200,8 +200,10 @@ impl ViewModel {
         let (mut splits, mut collapses, mut quiet) = (0, 0, 0);
         let mut rests = source.viewer().is_empty();
         while !source.viewer().is_empty() {
+            let known = source.viewer().front().known();
             let progress = source.refine(&view, LOOKS).map_err(|e| failed(&e))?;
-            let changed = progress.splits + progress.collapses > 0;
+            // A block of a file may have come along with another, and be unpacked only now.
+            let changed = progress.splits + progress.collapses > 0 || source.viewer().front().known() != known;
             (splits, collapses) = (splits + progress.splits, collapses + progress.collapses);
             quiet = if changed { 0 } else { quiet + progress.looked as usize };
             rests = quiet >= source.viewer().front().len();

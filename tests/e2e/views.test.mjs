@@ -136,6 +136,7 @@ onPage("a plain file server does: what is seen is fetched by ranges, a break cos
   });
   assert.deepEqual(result.errors, []);
   assert.ok(result.coveredFirst > 10_000);
+  assert.ok(result.first.front > 200, `${result.first.front} vertices show a globe's relief`);
   assert.ok(result.first.bytesDown < result.size / 3, `${result.first.bytesDown} of ${result.size}`);
   assert.ok(result.second.splits > result.first.splits && result.second.requests > result.first.requests);
   assert.equal(result.again.bytesDown, result.back.bytesDown, "what was seen is here");
