@@ -10,7 +10,7 @@ use pmesh_core::hierarchy::{Bounds, NONE};
 use std::collections::{BinaryHeap, HashSet};
 
 /// Splits of a block, under a kilobyte: those that lie side by side are fetched together, and what a view does not need stays little.
-const BLOCK_SPLITS: u32 = 128;
+pub(crate) const BLOCK_SPLITS: u32 = 128;
 /// Blocks below a block. More are fewer requests one after the other, and more that a view does not need.
 const FANOUT: u64 = 2;
 /// Most splits that a block may announce.
@@ -57,7 +57,8 @@ pub(crate) fn pack(model: &Model) -> (Vec<Packed>, crate::splits::Spent) {
     let bounds: Vec<_> = nodes[..positions.len()].iter().map(|n| n.bounds).collect();
     let mut block_of = vec![NONE; nodes.len()];
     // Roots of each block, and the block above it.
-    let mut plan = vec![(first_roots(&positions, &bounds, model.extent()), NONE)];
+    let first = first_roots(&positions, &bounds, model.extent());
+    let mut plan = if first.is_empty() { Vec::new() } else { vec![(first, NONE)] };
     let (mut packed, mut spent) = (Vec::<Packed>::new(), crate::splits::Spent::default());
     let mut at = 0;
     while at < plan.len() {

@@ -3,7 +3,7 @@
 use crate::error::ProtocolError;
 use crate::message::{NAMED_LIMIT, Packets, Reply, Request, Shape, read_reply, request};
 use crate::splits::{SplitModels, read, read_plain};
-use crate::viewer::{Limits, Viewer};
+use crate::viewer::{Limits, SPLITS_A_BYTE, Viewer};
 use pmesh_core::hierarchy::{Front, NONE, Progress, UnderWay, View};
 
 /// A model that arrives as it is looked at. Messages are what [`Self::poll`] gives and [`Self::receive`] takes; after a break [`Self::reconnect`] says what to begin with.
@@ -16,6 +16,8 @@ pub struct Client {
     viewer: Viewer,
     models: Box<SplitModels>,
     out: Option<Vec<u8>>,
+    /// Goodbye has been said, or is about to be.
+    is_closing: bool,
     /// The server has answered the first message of this connection.
     is_open: bool,
     /// The last view asked for, and whether the server is done with it.
@@ -71,10 +73,13 @@ impl Client {
                     Packets::Plain => read_plain(&mut v.front, v.total, packet)?,
                     _ => read(&mut self.models, &mut v.front, (&v.grid, v.total), packet)?,
                 });
+                if v.splits > SPLITS_A_BYTE * self.bytes.1 {
+                    return Err(ProtocolError::Unexpected("more splits than its bytes can hold"));
+                }
                 // Cuts as they stand now are good for now.
                 while self.packets == Packets::CutsOnly && v.front.refine(&View::everything(), u32::MAX)?.splits > 0 {}
             }
-            Reply::Done if self.by_names => self.asked = None,
+            Reply::Done if self.by_names && self.packets != Packets::CutsOnly => self.asked = None,
             Reply::Done => {
                 if let Some(asked) = &mut self.asked {
                     asked.1 = true;
@@ -89,7 +94,7 @@ impl Client {
         self.models = SplitModels::of(self.packets);
         // What was on its way is asked for again.
         self.asked = None;
-        self.is_open = false;
+        (self.is_open, self.is_closing) = (false, false);
         self.out = Some(match self.viewer.fingerprint {
             None => request(&Request::Hello { model: self.name.clone(), packets: self.packets }),
             Some(fingerprint) => {
@@ -120,7 +125,7 @@ impl Client {
             Packets::CutsOnly => (*view, Progress { wants_more: !self.has_all(), ..Default::default() }),
             _ => self.viewer.refine(view, budget)?,
         };
-        if self.is_open && self.viewer.is_full() {
+        if self.is_open && self.viewer.is_over(0) {
             self.viewer.front.forget_below();
             self.viewer.evictions += 1;
             self.reconnect();
@@ -128,8 +133,10 @@ impl Client {
         }
         let is_new = self.asked.is_none_or(|(asked, _)| asked != view);
         // What waits is a view, or the first message.
-        let may_ask = self.out.is_none() || (self.is_open && self.asked.is_some());
-        if progress.wants_more && is_new && may_ask && self.is_open && self.by_names {
+        let may_ask = !self.is_closing && (self.out.is_none() || (self.is_open && self.asked.is_some()));
+        // Without bounds it can name nothing.
+        let by_names = self.by_names && self.packets != Packets::CutsOnly;
+        if progress.wants_more && is_new && may_ask && self.is_open && by_names {
             let front = self.viewer.front_mut();
             let mut nodes = front.take_wanted();
             nodes.sort_unstable();
@@ -140,7 +147,7 @@ impl Client {
                 self.out = Some(request(&Request::Split(names)));
                 self.asked = Some((view, false));
             }
-        } else if progress.wants_more && is_new && may_ask && !self.by_names {
+        } else if progress.wants_more && is_new && may_ask && !by_names {
             self.out = Some(request(&Request::View(Box::new(view))));
             self.asked = Some((view, false));
         }
@@ -153,6 +160,7 @@ impl Client {
     /// Says goodbye.
     pub fn close(&mut self) {
         self.out = Some(request(&Request::Bye));
+        self.is_closing = true;
     }
     /// What the client may take from now on.
     pub fn set_limits(&mut self, limits: Limits) {

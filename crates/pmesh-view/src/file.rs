@@ -180,7 +180,7 @@ impl Table<'_> {
     fn block(&mut self, start: &mut u64) -> Result<Block, ProtocolError> {
         let (length, splits, roots) = (self.varint()?, self.varint()?, self.varint()?);
         let block = Block { start: *start, length, splits, roots, checksum: self.four()? };
-        if splits > SPLITS_LIMIT || splits == 0 || roots == 0 {
+        if splits > SPLITS_LIMIT || splits == 0 || roots == 0 || length == 0 {
             return self.error("a block that cannot be");
         }
         *start += u64::from(length);

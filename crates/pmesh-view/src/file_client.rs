@@ -1,10 +1,10 @@
 //! A client of a file: which bytes a view needs, and what they bring. Any server that answers range requests will do.
 
-use crate::blocks::first_roots;
+use crate::blocks::{BLOCK_SPLITS, first_roots};
 use crate::error::ProtocolError;
 use crate::file::{Block, Head};
 use crate::splits::{Reading, Scope, SplitModels, walk_block};
-use crate::viewer::{Limits, Viewer};
+use crate::viewer::{Limits, SPLIT_BYTES, SPLITS_A_BYTE, Viewer};
 use pmesh_codec::range::RangeDecoder;
 use pmesh_core::hierarchy::{NONE, Progress, UnderWay, View};
 use std::collections::HashSet;
@@ -13,8 +13,6 @@ use std::collections::HashSet;
 const FIRST_BYTES: u64 = 16 << 10;
 /// Bytes of a request, beyond which blocks that lie side by side are asked for apart.
 const REQUEST_BYTES: u64 = 64 << 10;
-/// Most splits for each byte of a file. Real ones are of some six bytes.
-const SPLITS_A_BYTE: u64 = 16;
 /// Requests at a time.
 const REQUESTS: usize = 4;
 
@@ -26,6 +24,7 @@ struct Known {
     above: u32,
     /// The first block below it, once it has been unpacked: others below it follow; [`NONE`] before.
     child: u32,
+    children: u32,
     /// Nodes that it begins at, once the block above it is here.
     roots: Option<Vec<u32>>,
     /// Its bytes, until it is unpacked.
@@ -45,7 +44,7 @@ enum State {
 
 impl Known {
     fn new(block: Block, above: u32) -> Self {
-        Self { block, above, child: NONE, roots: None, bytes: None, state: State::Away }
+        Self { block, above, child: NONE, children: 0, roots: None, bytes: None, state: State::Away }
     }
 }
 
@@ -60,13 +59,13 @@ pub struct FileClient {
     blocks: Vec<Known>,
     /// Of each split that is known.
     block_of: Vec<u32>,
-    /// Of each node without children here the block that has its split; [`NONE`] of others.
+    /// Of each node without children here the block that has its split; of others it means nothing.
     entry: Vec<u32>,
     /// First bytes of what is under way, and its blocks.
     under_way: Vec<(u64, Vec<u32>)>,
     view: Option<View>,
-    /// Where the last block that was unpacked ends.
-    reach: u64,
+    /// Most blocks one above the other.
+    deepest: usize,
     bytes: u64,
     requests: u64,
 }
@@ -111,7 +110,7 @@ impl FileClient {
         self.requests += 1;
         Some((start, end))
     }
-    /// Takes bytes of the file from `start` on: what was asked for, or more. Errors: a damaged file, or another one by now.
+    /// Takes bytes of the file from `start` on: what was asked for, or more. Errors: a damaged file, or another one by now: nothing more comes of it then.
     pub fn receive(&mut self, start: u64, bytes: &[u8]) -> Result<(), ProtocolError> {
         self.bytes += bytes.len() as u64;
         let asked = self.answered(start);
@@ -136,7 +135,7 @@ impl FileClient {
             };
             self.keep(b, block);
             if !self.load(b)? {
-                // What it begins at was forgotten meanwhile.
+                // What it is told by was forgotten meanwhile.
                 self.blocks[b as usize].state = State::Away;
             }
         }
@@ -170,7 +169,7 @@ impl FileClient {
             self.begin_at(0, roots);
             // It may have come along.
             let from = head.length as usize;
-            if let Some(bytes) = self.beginning.get(from..from + first.length as usize).map(<[u8]>::to_vec) {
+            if let Some(bytes) = self.beginning.get(from..from.saturating_add(first.length as usize)).map(<[u8]>::to_vec) {
                 self.keep(0, &bytes);
             }
         }
@@ -200,13 +199,24 @@ impl FileClient {
 
     /// Unpacks a block whose bytes are here; false if they are not, or nobody knows where it begins. Errors: a damaged file.
     pub(crate) fn load(&mut self, b: u32) -> Result<bool, ProtocolError> {
-        let known = &mut self.blocks[b as usize];
-        if known.state == State::Here {
+        if self.blocks[b as usize].state == State::Here {
             return Ok(true);
         }
+        // It is told by all of the blocks above.
+        if self.chain(b).skip(1).any(|a| self.blocks[a as usize].state != State::Here) {
+            return Ok(false);
+        }
+        let known = &mut self.blocks[b as usize];
         let (Some(roots), Some(bytes)) = (known.roots.clone(), known.bytes.take()) else { return Ok(false) };
-        let (block, child) = (known.block, known.child);
+        let (block, child, children) = (known.block, known.child, known.children);
         let (below, bytes) = block.open(&bytes)?;
+        // When it comes again it must be what it was.
+        let known = child as usize..(child as usize).saturating_add(below.len());
+        if child != NONE
+            && (below.len() != children as usize || !self.blocks[known].iter().map(|k| k.block).eq(below.iter().copied()))
+        {
+            return Err(ProtocolError::Damaged { at: block.start });
+        }
         let chain = self.chain(b).skip(1).collect();
         let v = &mut self.viewer;
         let before = self.block_of.len();
@@ -216,8 +226,7 @@ impl FileClient {
         let ends = walk_block(&mut coder, &mut SplitModels::default(), &mut side, &roots, block.splits)?;
         v.splits += (self.block_of.len() - before) as u64;
         // The same bytes may be named again and again, and grow without end.
-        self.reach = self.reach.max(block.start + u64::from(block.length));
-        if self.block_of.len() as u64 > SPLITS_A_BYTE * self.reach {
+        if self.block_of.len() as u64 > SPLITS_A_BYTE * self.bytes {
             return Err(ProtocolError::Unexpected("more splits than its bytes can hold"));
         }
         if below.iter().map(|c| u64::from(c.roots)).sum::<u64>() != ends.len() as u64 {
@@ -225,15 +234,20 @@ impl FileClient {
         }
         let first = if child == NONE { self.blocks.len() as u32 } else { child };
         if child == NONE {
-            self.blocks[b as usize].child = first;
+            (self.blocks[b as usize].child, self.blocks[b as usize].children) = (first, below.len() as u32);
             self.blocks.extend(below.iter().map(|&block| Known::new(block, b)));
         }
         let mut ends = ends.into_iter();
         for (c, block) in (first..).zip(&below) {
             let roots = ends.by_ref().take(block.roots as usize).collect();
-            self.begin_at(c, roots);
+            // One that is here knows where it begins, and what begins at its ends.
+            let known = &self.blocks[c as usize];
+            if known.state != State::Here || known.roots.is_none() {
+                self.begin_at(c, roots);
+            }
         }
         self.blocks[b as usize].state = State::Here;
+        self.deepest = self.deepest.max(self.chain(b).count() + 1);
         Ok(true)
     }
     /// A block and those above it.
@@ -248,11 +262,17 @@ impl FileClient {
             self.view = Some(view);
             self.blocks.iter_mut().filter(|b| b.state == State::Wanted).for_each(|b| b.state = State::Away);
         }
-        let coarse = self.viewer.front.take_wanted();
         let entered = |&node: &u32| self.entry.get(node as usize).copied().filter(|&b| b != NONE);
+        let mut targets: Vec<u32> = self.viewer.front.take_wanted().iter().filter_map(entered).collect();
+        targets.sort_unstable();
+        targets.dedup();
+        if self.viewer.is_over(0) {
+            // Where room is short, one at a time, so that the blocks on the way there are not in each other's.
+            targets.truncate(1);
+        }
         // Where something was forgotten: the blocks above first.
         let missing = |b: u32| self.chain(b).filter(|&b| self.blocks[b as usize].state != State::Here).last();
-        let mut coarse: Vec<u32> = coarse.iter().filter_map(entered).filter_map(missing).collect();
+        let mut coarse: Vec<u32> = targets.into_iter().filter_map(missing).collect();
         coarse.sort_unstable();
         coarse.dedup();
         for b in coarse {
@@ -260,7 +280,8 @@ impl FileClient {
                 self.blocks[b as usize].state = State::Wanted;
             }
         }
-        if self.viewer.is_full() {
+        let on_the_way = self.deepest * BLOCK_SPLITS as usize * SPLIT_BYTES;
+        if self.viewer.is_over(if self.is_waiting() { on_the_way } else { 0 }) {
             self.forget();
         }
         Ok(progress)
@@ -294,6 +315,10 @@ impl FileClient {
             let roots = block.roots.take();
             block.roots = roots.and_then(|run| run.into_iter().map(node).collect());
             block.bytes = None;
+            // A root that it does not split may be gone.
+            if block.roots.is_none() && block.state == State::Here {
+                block.state = State::Away;
+            }
         }
         self.viewer.evictions += 1;
     }

@@ -11,6 +11,7 @@ pub struct Limits {
     /// Triangles of the front. The tolerance gets coarser until the view does with so many.
     pub triangles: usize,
     /// Bytes of what is known ([`Front::memory_bytes`]): what lies below the front is forgotten when there are more, and the front stays so small that half of them is enough for it.
+    /// From a file, blocks on the way to one that is needed come on top of that: some 25 kB each, as many as the file is deep (a dozen for half a million vertices).
     pub memory: usize,
 }
 
@@ -22,6 +23,11 @@ impl Default for Limits {
 
 /// Bytes that a triangle of a front takes at most, what is above the front included: half a node of the front, and as much above it.
 const TRIANGLE_BYTES: usize = 100;
+/// The same of a split.
+pub(crate) const SPLIT_BYTES: usize = 2 * TRIANGLE_BYTES;
+
+/// Most splits for each byte that came. Real ones take some six bytes, or ten.
+pub(crate) const SPLITS_A_BYTE: u64 = 8;
 
 /// A front, and what it is of.
 #[derive(Debug, Default)]
@@ -59,9 +65,9 @@ impl Viewer {
         self.allowance.learn(&progress, (self.front.len(), leaving), self.front.triangles(), limit);
         Ok((view, progress))
     }
-    /// True if something should be forgotten, and can be.
-    pub(crate) fn is_full(&self) -> bool {
-        self.front.memory_bytes() > self.limits.memory && self.front.known() > 2 * self.front.len()
+    /// True if there is so much more than allowed that something should be forgotten, and can be.
+    pub(crate) fn is_over(&self, by: usize) -> bool {
+        self.front.memory_bytes() > self.limits.memory.saturating_add(by) && self.front.known() > 2 * self.front.len()
     }
 
     /// Moves what is under way: [`Front::advance`].

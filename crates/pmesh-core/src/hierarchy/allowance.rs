@@ -8,13 +8,14 @@ const COARSEST: u32 = 40;
 /// Part of the limit below which a finer tolerance is tried.
 const ROOM: f64 = 0.7;
 
-/// Finds the finest tolerance, in steps of a quarter octave, whose front has no more triangles than allowed. Comes to rest with the camera: a step that was
-/// too fine for a view is not tried again until the view is another.
+/// Finds a tolerance, in steps of a quarter octave, whose front has no more triangles than allowed, and mostly over two thirds of that. Comes to rest with the camera: a step that was
+/// too fine for a view is not tried again until the view is another, or the limit.
 #[derive(Clone, Debug, Default)]
 pub struct Allowance {
     step: u32,
     /// Finer steps are too fine for this view.
     finest: u32,
+    limit: usize,
     asked: Option<View>,
     /// Of the pass through the front that is under way.
     looked: u32,
@@ -35,6 +36,9 @@ impl Allowance {
     }
     /// Takes what a look through the front has shown: its length, how many vertices leave it, its triangles, and how many are allowed. O(1).
     pub fn learn(&mut self, progress: &Progress, (front, leaving): (usize, u32), triangles: usize, limit: usize) {
+        if limit != self.limit {
+            (self.limit, self.finest) = (limit, 0);
+        }
         self.looked = self.looked.saturating_add(progress.looked);
         self.denied |= progress.denied;
         self.changed |= progress.splits + progress.collapses > 0;

@@ -264,19 +264,20 @@ impl Front {
     /// + valence) each. Errors: a hierarchy that is none; nothing of the mesh is wrong then.
     pub fn split(&mut self, id: NodeId) -> Result<u32, HierarchyError> {
         let i = self.find(id).filter(|&i| self.known[i as usize].at != NONE).ok_or(HierarchyError::NoSuchNode { id })?;
-        self.split_node(i)
-    }
-    fn split_node(&mut self, i: u32) -> Result<u32, HierarchyError> {
         let mut done = 0;
+        self.split_node(i, &mut done).map(|()| done)
+    }
+    /// Counts in `done` what is done, of what ends in an error too.
+    fn split_node(&mut self, i: u32, done: &mut u32) -> Result<(), HierarchyError> {
         let mut stack = std::mem::take(&mut self.stack);
         stack.clear();
         stack.push(i);
         let result = loop {
-            let Some(&s) = stack.last() else { break Ok(done) };
+            let Some(&s) = stack.last() else { break Ok(()) };
             match self.try_split(s) {
                 Ok(None) => {
                     stack.pop();
-                    done += 1;
+                    *done += 1;
                 }
                 // A way that comes back to itself, or does not end, is no hierarchy of a manifold.
                 Ok(Some(first)) if stack.len() >= FORCED_LIMIT || stack.contains(&first) => {
@@ -413,12 +414,9 @@ impl Front {
                     progress.wants_more = true;
                     self.want(i);
                 } else {
-                    match self.split_node(i) {
+                    match self.split_node(i, &mut progress.splits) {
                         // The first child takes its place, and is looked at next.
-                        Ok(splits) => {
-                            progress.splits += splits;
-                            continue;
-                        }
+                        Ok(()) => continue,
                         Err(HierarchyError::NotHere { id }) => {
                             progress.wants_more = true;
                             self.find(id).into_iter().for_each(|i| self.want(i));
@@ -427,7 +425,10 @@ impl Front {
                     }
                 }
             } else if parent != NONE {
-                if self.is_coarse(parent, view) {
+                let first = self.known[parent as usize].child;
+                let sibling = first + u32::from(i == first);
+                let is_needed = self.known[sibling as usize].at != NONE && self.is_coarse(sibling, view);
+                if is_needed || self.is_coarse(parent, view) {
                     self.stay(parent);
                 } else {
                     progress.collapses += u32::from(self.leave(parent));

@@ -10,6 +10,9 @@ const TURN: f32 = 0.25;
 /// Squared distance of unit normals that nobody sees.
 const CLOSE: f32 = 1e-4;
 
+/// The same of such as point the other way.
+const OPPOSITE: f32 = 3.9;
+
 const MOVING: u8 = 1;
 /// On its way to the vertex that it collapses onto.
 const LEAVING: u8 = 2;
@@ -167,13 +170,17 @@ impl Front {
             let leaving = g.is_leaving(v);
             let target = if leaving { g.positions[self.origin(v) as usize] } else { self.positions[v as usize] };
             let p = g.positions[v as usize];
-            let way: [f32; 3] = std::array::from_fn(|k| target[k] - p[k]);
-            let length = f64::from(way.iter().map(|x| x * x).sum::<f32>()).sqrt();
+            let way: [f64; 3] = std::array::from_fn(|k| f64::from(target[k]) - f64::from(p[k]));
+            let length = way.iter().map(|x| x * x).sum::<f64>().sqrt();
             let most = view.reach(p, step);
             let arrives = length <= most;
-            let part = (most / length) as f32;
-            g.positions[v as usize] = if arrives { target } else { std::array::from_fn(|k| p[k] + way[k] * part) };
-            if length > 0.0 {
+            let part = most / length;
+            let between = || std::array::from_fn(|k| (f64::from(p[k]) + way[k] * part) as f32);
+            let now = if arrives { target } else { between() };
+            // Steps that single precision does not have are none: it is as good as there.
+            let arrives = arrives || now == p;
+            g.positions[v as usize] = if arrives { target } else { now };
+            if target != p {
                 g.mark(v, CHANGED);
                 self.mesh.around(v).flatten().for_each(|w| g.mark(w, TURNING));
             }
@@ -204,7 +211,8 @@ impl Front {
             let n = g.normals[v as usize];
             let off: [f32; 3] = std::array::from_fn(|k| target[k] - n[k]);
             let far = off.iter().map(|x| x * x).sum::<f32>();
-            let at_once = far < CLOSE || step.is_infinite() || n == [0.0; 3];
+            // Nothing lies between a normal and its opposite.
+            let at_once = !(CLOSE..OPPOSITE).contains(&far) || step.is_infinite() || n == [0.0; 3];
             let now: [f32; 3] =
                 if at_once { target } else { unit(std::array::from_fn(|k| n[k] + off[k] * TURN)).unwrap_or(target) };
             if far > 0.0 {

@@ -17,6 +17,8 @@ pub struct FrontMesh {
     fan: Vec<u32>,
 }
 
+/// Changes that are noted one by one, beside twice the triangles.
+const CHANGES_LIMIT: usize = 4096;
 /// Largest product of two rings that are compared: what is larger stays split.
 const RINGS_LIMIT: usize = 1 << 18;
 
@@ -112,9 +114,9 @@ impl FrontMesh {
         self.surface.triangles.get(t as usize).copied().filter(|t| t[0] != NONE)
     }
 
-    /// From now on changes are noted, for [`Self::take_changes`].
+    /// From now on changes are noted, for [`Self::take_changes`]: all that is there, for a beginning.
     pub(super) fn watch(&mut self) {
-        self.changes.get_or_insert_default();
+        self.changes = Some((0..self.shown.len() as u32).collect());
     }
     /// Places in the list of triangles where another triangle is than when last asked, or one with other corners; some twice, some past the end by now.
     pub(super) fn take_changes(&mut self) -> Vec<u32> {
@@ -123,6 +125,10 @@ impl FrontMesh {
     fn note(&mut self, corners: impl Iterator<Item = u32>) {
         if let Some(changes) = &mut self.changes {
             changes.extend(corners.map(|c| self.shown_at[c as usize / 3]).filter(|&at| at != NONE));
+            // Nobody has asked for long: everything is simpler then.
+            if changes.len() > 2 * self.shown.len() + CHANGES_LIMIT {
+                *changes = (0..self.shown.len() as u32).collect();
+            }
         }
     }
     /// Triangles about a vertex, as its corners; none if it is not there.

@@ -90,7 +90,7 @@ impl View {
     }
     /// The same with so many times the tolerance. Everything stays everything.
     pub fn coarser(&self, factor: f64) -> Self {
-        Self { tolerance: (f64::from(self.tolerance) * factor) as f32, ..*self }.with_error()
+        Self { tolerance: (f64::from(self.tolerance) * factor).min(f32::MAX.into()) as f32, ..*self }.with_error()
     }
     fn with_error(mut self) -> Self {
         let kappa = 2.0 * f64::from(self.tolerance) * f64::from(self.tangent);
