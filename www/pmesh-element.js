@@ -37,7 +37,8 @@ function prefersStillness() {
  *   fetched by range requests. So is a model whose src is the ws: or wss: address of `pmesh serve`, by a session. level, auto-level and level
  *   events do not apply to such models; max-triangles bounds what is shown, by a larger error.
  * @attr {number} screen-error - Of such a model: pixels that what is seen may be off by; 1 by default.
- * @attr {number} max-memory - Of such a model: megabytes that what is known may take; what is not shown is forgotten first.
+ * @attr {number} max-memory - Of such a model: megabytes that what is known may take (of a file up to half a megabyte more); what is not
+ *   shown is forgotten first.
  * @attr {boolean} frozen - Such a model stays as it is while the camera moves on; the F key switches it with camera-controls.
  * @attr {boolean} camera-controls - Turn and zoom by mouse, touch, wheel and keyboard (arrows, + and -, Home).
  * @attr {boolean} auto-rotate - Turn slowly; not under prefers-reduced-motion.

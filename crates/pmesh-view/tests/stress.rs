@@ -23,7 +23,8 @@ impl Random {
         let [low, high] = model.extent();
         let middle: [f32; 3] = std::array::from_fn(|k| (low[k] + high[k]) / 2.0);
         let size = (0..3).map(|k| high[k] - low[k]).fold(0.0, f32::max);
-        let (a, b, d) = (self.part() * 6.28, self.part() * 3.0 - 1.5, size * (0.2 + 3.0 * self.part() * self.part()));
+        let (a, b, d) =
+            (self.part() * std::f32::consts::TAU, self.part() * 3.0 - 1.5, size * (0.2 + 3.0 * self.part() * self.part()));
         let eye = [middle[0] + d * a.sin() * b.cos(), middle[1] + d * b.sin(), middle[2] + d * a.cos() * b.cos()];
         let target = middle.map(|x| x + (self.part() - 0.5) * size * 0.5);
         let camera = [0.2 + self.part() * 0.3, 1.5, 0.0005 + 0.006 * self.part()];
@@ -34,7 +35,7 @@ impl Random {
 /// A client with the other end of its line.
 enum Line {
     File { client: Box<FileClient>, file: Vec<u8>, asked: Vec<(u64, u64)> },
-    Session { client: Box<Client>, session: Option<Session>, model: Arc<Model> },
+    Session { client: Box<Client>, session: Box<Option<Session>>, model: Arc<Model> },
 }
 
 impl Line {
@@ -63,8 +64,8 @@ impl Line {
                     client.reconnect();
                 }
                 while let Some(message) = client.poll() {
-                    match session {
-                        None => *session = Some(Session::open(&message, |_| Some(model.clone())).expect("it opens")),
+                    match &mut **session {
+                        None => **session = Some(Session::open(&message, |_| Some(model.clone())).expect("it opens")),
                         Some(s) => assert!(s.receive(&message).expect("a request")),
                     }
                 }
@@ -188,7 +189,11 @@ fn a_session_comes_to_rest_whatever_is_asked_and_whenever_it_breaks() {
     for (name, seeds) in [("part", 0..3), ("knot", 0..1), ("marble", 0..2)] {
         let (_, model) = of_sample(name);
         for seed in seeds {
-            walk(Line::Session { client: Box::new(Client::new("m").draw()), session: None, model: model.clone() }, &model, seed);
+            walk(
+                Line::Session { client: Box::new(Client::new("m").draw()), session: Box::default(), model: model.clone() },
+                &model,
+                seed,
+            );
         }
     }
 }
