@@ -80,9 +80,11 @@ const MOVES: u32 = 30_000;
 
 fn failed(e: &ProtocolError) -> JsValue {
     let code = match e {
+        ProtocolError::Syntax { at: 0, .. } => "unknown-format",
+        ProtocolError::Syntax { what, .. } if what.contains("too early") => "truncated",
         ProtocolError::Syntax { .. } | ProtocolError::Unexpected(_) => "syntax",
         ProtocolError::Damaged { .. } => "checksum",
-        ProtocolError::OtherModel { .. } => "other-model",
+        ProtocolError::OtherModel { .. } | ProtocolError::Refused(_) => "other-model",
         ProtocolError::View(_) => "bad-view",
         ProtocolError::Hierarchy(_) => "invalid-mesh",
         ProtocolError::Closed(_) => "server",
@@ -200,10 +202,11 @@ impl ViewModel {
         let (mut splits, mut collapses, mut quiet) = (0, 0, 0);
         let mut rests = source.viewer().is_empty();
         while !source.viewer().is_empty() {
-            let known = source.viewer().front().known();
+            let before = (source.viewer().front().known(), source.viewer().allowance());
             let progress = source.refine(&view, LOOKS).map_err(|e| failed(&e))?;
-            // A block of a file may have come along with another, and be unpacked only now.
-            let changed = progress.splits + progress.collapses > 0 || source.viewer().front().known() != known;
+            // A block of a file may have come along with another, and be unpacked only now; another tolerance wants another look.
+            let after = (source.viewer().front().known(), source.viewer().allowance());
+            let changed = progress.splits + progress.collapses > 0 || after != before;
             (splits, collapses) = (splits + progress.splits, collapses + progress.collapses);
             quiet = if changed { 0 } else { quiet + progress.looked as usize };
             rests = quiet >= source.viewer().front().len();

@@ -196,11 +196,15 @@ export class PMeshElement extends HTMLElement {
     if (before === now) return;
     switch (name) {
       case "src": case "view-dependent":
+        // An address says so itself.
+        if (name === "view-dependent" && ViewPlayer.plays(this.src)) break;
         this.#reset();
         if (this.isConnected && (this.loading !== "lazy" || this.#visible)) this.#start();
         break;
       case "level": case "max-triangles": case "auto-level": case "screen-error": case "max-memory":
         if (now !== null && Number.isNaN(Number.parseFloat(now))) this.#report(`${name}="${now}" is not a number`);
+        else if (name !== "level" && Number.parseFloat(now) < 0) this.#report(`${name}="${now}" is less than nothing`);
+        this.#player?.touch();
         this.#reconsider();
         break;
       case "camera-controls":
@@ -512,7 +516,7 @@ export class PMeshElement extends HTMLElement {
     const turning = this.hasAttribute("auto-rotate") && !prefersStillness();
     if (turning) this.camera.turn(ROTATE_SPEED * seconds, 0);
     if (player) {
-      this.#drawView(renderer, player);
+      this.#drawView(renderer, player, turning);
       if (turning) this.requestRender();
       return;
     }
@@ -538,7 +542,7 @@ export class PMeshElement extends HTMLElement {
     if (turning) this.requestRender();
   }
 
-  #drawView(renderer, player) {
+  #drawView(renderer, player, turning) {
     const limits = {
       screenError: this.screenError ?? 1,
       maxTriangles: Math.min(this.maxTriangles ?? Infinity, runtime.budgetShare(this)),
@@ -554,7 +558,7 @@ export class PMeshElement extends HTMLElement {
     }
     this.#part(".frame").classList.add("shown");
     if (this.debug !== null) this.#part(".debug").textContent = player.overlay(this.frozen).join("\n");
-    if (player.still || this.frozen) this.#settling.splice(0).forEach((resolve) => resolve());
+    if (player.still || this.frozen || turning) this.#settling.splice(0).forEach((resolve) => resolve());
   }
 
   #options(model) {

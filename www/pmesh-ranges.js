@@ -71,6 +71,7 @@ export class PMeshRanges {
       const message = `${this.#src}: the server answers ${response.status} ${response.statusText}`;
       throw Object.assign(new Error(message), { code: "http", final: response.status < 500 });
     }
+    console.warn(`<p-mesh>: ${this.#src}: the server does not answer range requests, so the whole file is fetched`);
     this.#file = new Uint8Array(await response.arrayBuffer());
     return this.#file.subarray(start, end);
   }

@@ -12,6 +12,7 @@ canvas:focus-visible { outline: 2px solid Highlight; outline-offset: -2px; }
 .shown .poster, .shown .fallback { display: none; }
 .debug { position: absolute; left: 0; top: 0; margin: 6px; padding: 4px 8px; font: 11px/1.45 ui-monospace, monospace;
   background: rgb(10 16 24 / 72%); color: #e8eef4; border-radius: 4px; pointer-events: none; white-space: pre; }
+.debug:empty { display: none; }
 .message { position: absolute; inset: auto 8px 8px; margin: 0; font: 13px/1.4 system-ui, sans-serif; color: GrayText; pointer-events: none; }
 .shown .message { display: none; }
 .status { position: absolute; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%); }

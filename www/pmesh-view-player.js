@@ -40,6 +40,11 @@ export class ViewPlayer {
     });
   }
 
+  /** Something that is asked for is another than before. */
+  touch() {
+    this.#settled = this.#rests = false;
+    if (this.#stats) this.#stats = { ...this.#stats, settled: false };
+  }
   /** True for addresses of servers of views; files are told by an attribute. */
   static plays(src) {
     return PMeshViews.speaks(src);
@@ -93,6 +98,8 @@ export class ViewPlayer {
       this.#shown ||= this.#settled;
       this.#count(started, splits);
       this.#say(splits + collapses > 0);
+    } else if (!this.#stats) {
+      this.#say(true);
     }
     if (!runtime.drawViewTo(renderer, model, options, target)) return false;
     this.#frameMs = performance.now() - started;

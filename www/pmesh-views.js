@@ -4,7 +4,7 @@
 import { loadModule } from "./pmesh-runtime.js";
 
 /** Milliseconds before each new try after the connection broke; the last for all that follow. */
-const RETRY_MS = [300, 1000, 3000, 10000];
+const RETRY_MS = [300, 1000, 3000, 5000];
 /** Milliseconds between two views that are sent. */
 const VIEW_MS = 80;
 
@@ -102,7 +102,7 @@ export class PMeshViews {
     this.#to.arrived();
     if (!this.#wanted || this.#ended || (this.model && !this.model.isWaiting)) return;
     if (!this.model && this.#tries >= RETRY_MS.length - 1) {
-      this.#fail("network", `there is no answer from ${this.#src}: the server is away, has no such model, or does not allow this page`);
+      this.#fail("network", `there is no answer from ${this.#src}: the server is away, or does not allow this page (pmesh serve --origin)`);
       return;
     }
     this.#timer = setTimeout(() => {

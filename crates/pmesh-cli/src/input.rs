@@ -4,6 +4,7 @@ use crate::error::{CliError, Result};
 use pmesh_build::import::{Model, import};
 use pmesh_codec::{Arrival, DecodeError, Place, Receiver, Texture};
 use pmesh_core::Level;
+use pmesh_view::ProtocolError;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -61,7 +62,7 @@ pub fn decode(bytes: &[u8], whole: bool) -> Stream {
         error: None,
     };
     if pmesh_view::is_file(bytes) {
-        stream.error = views(bytes, &mut stream).err();
+        stream.error = views(bytes, whole, &mut stream).err();
         return stream;
     }
     // Small pushes, so that the byte count at which a level is complete is close.
@@ -81,14 +82,22 @@ pub fn views_head(bytes: &[u8]) -> Option<pmesh_view::Head> {
     pmesh_view::is_file(bytes).then(|| pmesh_view::Head::read(bytes).ok()?.ok()).flatten()
 }
 
-/// A file for views: all of it, as one level.
-fn views(bytes: &[u8], stream: &mut Stream) -> std::result::Result<(), DecodeError> {
-    let failed = |message: String| DecodeError::Syntax { place: Place::Byte(bytes.len() as u64), message };
-    let mesh = pmesh_view::read_whole(bytes).map_err(|e| failed(e.to_string()))?;
+/// A file for views: all of it, or what is there, as one level.
+fn views(bytes: &[u8], whole: bool, stream: &mut Stream) -> std::result::Result<(), DecodeError> {
+    let at = |at: u64, message: String| DecodeError::Syntax { place: Place::Byte(at), message };
+    let failed = |e: ProtocolError| match e {
+        ProtocolError::Syntax { at: byte, what } => at(byte as u64, what.into()),
+        ProtocolError::Damaged { at: byte } => at(byte, "what begins here is damaged".into()),
+        e => at(0, e.to_string()),
+    };
+    let (mesh, error) = match pmesh_view::read_whole(bytes) {
+        Ok(mesh) => (mesh, None),
+        Err(e) => (pmesh_view::read_part(bytes).map_err(failed)?, whole.then(|| failed(e))),
+    };
     let level = Level { vertices: mesh.vertices, triangles: mesh.triangles, ..Default::default() };
-    stream.receiver.mesh_mut().add_level(&level).map_err(|e| failed(e.to_string()))?;
+    stream.receiver.mesh_mut().add_level(&level).map_err(|e| at(0, e.to_string()))?;
     stream.level_bytes.push(bytes.len() as u64);
-    Ok(())
+    error.map_or(Ok(()), Err)
 }
 
 fn drain(stream: &mut Stream) {
@@ -124,7 +133,7 @@ pub fn model(path: &Path, bytes: &[u8]) -> Result<Model> {
     import(&name, bytes, &mut |uri| named_file(&folder, uri)).map_err(CliError::build(path))
 }
 
-fn percent_decoded(uri: &str) -> String {
+pub fn percent_decoded(uri: &str) -> String {
     let mut bytes = Vec::new();
     let mut rest = uri.as_bytes();
     while let Some((&first, tail)) = rest.split_first() {

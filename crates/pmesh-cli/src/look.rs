@@ -91,7 +91,8 @@ pub fn run(args: &Args, quiet: bool) -> Result<()> {
     if views.is_empty() {
         return Err(CliError::Usage("from where? --eye x,y,z, or --all".into()));
     }
-    let mut client = Client::new(name);
+    // As a browser's address line has it.
+    let mut client = Client::new(&crate::input::percent_decoded(name));
     let mut connection = connect(args, host)?;
     let mut lost = 0;
     for view in &views {

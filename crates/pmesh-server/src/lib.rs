@@ -98,6 +98,8 @@ async fn anything(
     let Ok(upgrade) = upgrade else { return file(&shared, request).await };
     if !may_open(&headers, &shared.config.origins) {
         shared.metrics.refused.inc();
+        let origin = headers.get(header::ORIGIN).and_then(|o| o.to_str().ok()).unwrap_or_default();
+        tracing::warn!(origin, "a page of another origin was refused a session: --origin allows it");
         return (StatusCode::FORBIDDEN, "pages of this origin may not open sessions; --origin allows it\n").into_response();
     }
     let Ok(place) = shared.places.clone().try_acquire_owned() else {

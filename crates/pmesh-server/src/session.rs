@@ -19,6 +19,8 @@ const PACKETS_A_SECOND: u64 = 4;
 enum End {
     /// The client is told.
     Told(String),
+    /// The client is told, and that it need not come back.
+    Refused(String),
     /// It is gone.
     Gone,
 }
@@ -28,11 +30,16 @@ pub(crate) async fn run(mut socket: WebSocket, shared: &Shared) {
     shared.metrics.opened.inc();
     let end = talk(&mut socket, shared).await;
     shared.metrics.sessions.dec();
-    if let Err(End::Told(why)) = end {
+    let said = match end {
+        Err(End::Told(why)) => Some((reply(&Reply::Error(why.clone())), why)),
+        Err(End::Refused(why)) => Some((reply(&Reply::Refused(why.clone())), why)),
+        _ => None,
+    };
+    if let Some((message, why)) = said {
         shared.metrics.failed.inc();
         tracing::info!(why, "a session ends");
         // It may not hear that any more.
-        let error = Message::Binary(reply(&Reply::Error(why)).into());
+        let error = Message::Binary(message.into());
         let _ = timeout(shared.config.idle, socket.send(error)).await;
         let _ = timeout(shared.config.idle, socket.send(Message::Close(None))).await;
     }
@@ -53,7 +60,7 @@ async fn talk(socket: &mut WebSocket, shared: &Shared) -> Result<(), End> {
     };
     let Some(name) = request.model() else { return Err(End::Told("a session begins with a hello".into())) };
     let model = shared.models.get(name).await.map_err(End::Told)?;
-    let mut session = Session::begin(request, first.len(), model).map_err(told)?;
+    let mut session = Session::begin(request, first.len(), model).map_err(|e| End::Refused(e.to_string()))?;
     let mut before = session.counts();
     shared.metrics.bytes_up.inc_by(before.bytes_up);
     let slowly = |rate: u64| (rate / (SPLIT_BYTES * PACKETS_A_SECOND)).clamp(16, SPLITS.into()) as u32;

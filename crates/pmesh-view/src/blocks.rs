@@ -4,7 +4,8 @@
 //! the walk, the next blocks begin: so each is a region of the surface at a band of detail. It is decoded with nothing but the blocks above it, whatever else the client has.
 
 use crate::model::Model;
-use crate::splits::{SplitModels, Writing, walk_block};
+use crate::sides::Writing;
+use crate::splits::{SplitModels, walk_block};
 use pmesh_codec::range::Encoder;
 use pmesh_core::hierarchy::{Bounds, NONE};
 use std::collections::{BinaryHeap, HashSet};

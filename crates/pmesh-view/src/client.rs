@@ -59,6 +59,7 @@ impl Client {
         let v = &mut self.viewer;
         match read_reply(bytes)? {
             Reply::Error(text) => return Err(ProtocolError::Closed(text)),
+            Reply::Refused(text) => return Err(ProtocolError::Refused(text)),
             Reply::Base(_) if !v.is_empty() => return Err(ProtocolError::Unexpected("a second base mesh")),
             Reply::Base(base) => {
                 v.begin(base)?;

@@ -7,7 +7,7 @@ use thiserror::Error;
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ProtocolError {
     /// A message that cannot be read.
-    #[error("byte {at} of the message: {what}")]
+    #[error("byte {at}: {what}")]
     Syntax {
         /// Byte of the message.
         at: usize,
@@ -40,4 +40,7 @@ pub enum ProtocolError {
     /// What the other end says of why it closes.
     #[error("the server says: {0}")]
     Closed(String),
+    /// The same, and it would say so again.
+    #[error("the server says: {0}")]
+    Refused(String),
 }

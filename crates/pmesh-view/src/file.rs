@@ -136,7 +136,8 @@ impl Head {
     pub fn read(bytes: &[u8]) -> Result<Result<Self, u64>, ProtocolError> {
         let known = SIGNATURE.len().min(bytes.len());
         if bytes[..known] != SIGNATURE[..known] || bytes.get(SIGNATURE.len()).is_some_and(|&v| v != VERSION) {
-            let what = "no .pmesh for views; make one by: pmesh encode MESH -o FILE.pmesh --profile views";
+            let what =
+                "no .pmesh for views: leave out view-dependent, or make one by pmesh encode MESH -o FILE.pmesh --profile views";
             return Err(ProtocolError::Syntax { at: 0, what });
         }
         let Some(&[a, b, c, d]) = bytes.get(SIGNATURE.len() + 1..PREAMBLE_BYTES) else { return Ok(Err(PREAMBLE_BYTES as u64)) };
@@ -202,40 +203,65 @@ impl Table<'_> {
     }
 }
 
-/// All of a file.
-fn read_all(bytes: &[u8]) -> Result<FileClient, ProtocolError> {
+/// All that these bytes hold of a file; true if that is all of it.
+fn read_all(bytes: &[u8]) -> Result<(FileClient, bool), ProtocolError> {
     let mut client = FileClient::default();
     client.receive(0, bytes)?;
-    let ends = |what| Err(ProtocolError::Syntax { at: bytes.len(), what });
     if client.viewer().is_empty() {
-        return ends("it ends before the first block");
+        return Err(ProtocolError::Syntax { at: bytes.len(), what: "it ends before the base mesh is whole" });
     }
-    let mut block = 0;
+    let (mut block, mut is_whole) = (0, true);
     while block < client.block_count() {
         let (start, length) = client.place(block);
         let place = usize::try_from(start).ok().and_then(|from| bytes.get(from..from.checked_add(length as usize)?));
-        let Some(bytes) = place else { return ends("it ends in the middle of a block") };
-        client.keep(block, bytes);
-        client.load(block)?;
+        match place {
+            Some(bytes) => {
+                client.keep(block, bytes);
+                is_whole &= client.load(block)?;
+            }
+            None => is_whole = false,
+        }
         block += 1;
     }
-    Ok(client)
+    Ok((client, is_whole))
+}
+/// The same, that must be whole.
+fn read_every(bytes: &[u8]) -> Result<FileClient, ProtocolError> {
+    match read_all(bytes)? {
+        (client, true) => Ok(client),
+        _ => Err(ProtocolError::Syntax { at: bytes.len(), what: "the file ends too early, in the middle of a block" }),
+    }
+}
+fn mesh_of(mut client: FileClient) -> Result<IndexedMesh, ProtocolError> {
+    while client.refine(&View::everything(), u32::MAX)?.splits > 0 {}
+    let front = client.viewer().front();
+    // Those that are there: of a part of a file some vertices wait for others.
+    let mut number = vec![NONE; front.positions().len()];
+    let mut mesh = IndexedMesh::default();
+    for t in front.mesh().shown().iter().filter_map(|&t| front.mesh().triangle(t)) {
+        mesh.triangles.push(t.map(|v| {
+            if number[v as usize] == NONE {
+                number[v as usize] = mesh.vertices.positions.len() as u32;
+                mesh.vertices.positions.push(front.positions()[v as usize]);
+            }
+            number[v as usize]
+        }));
+    }
+    Ok(mesh)
 }
 
 /// All of a file as a mesh: positions and triangles. O(n). Errors: a damaged file.
 pub fn read_whole(bytes: &[u8]) -> Result<IndexedMesh, ProtocolError> {
-    let mut client = read_all(bytes)?;
-    while client.refine(&View::everything(), u32::MAX)?.splits > 0 {}
-    let mut mesh = IndexedMesh::default();
-    let front = client.viewer().front();
-    mesh.vertices.positions = front.positions().to_vec();
-    mesh.triangles = front.mesh().shown().iter().filter_map(|&t| front.mesh().triangle(t)).collect();
-    Ok(mesh)
+    mesh_of(read_every(bytes)?)
+}
+/// What the first bytes of a file hold, as [`read_whole`]. Errors: a damaged file, or less than its base mesh.
+pub fn read_part(bytes: &[u8]) -> Result<IndexedMesh, ProtocolError> {
+    mesh_of(read_all(bytes)?.0)
 }
 
 /// All of a file as what a server has. O(n · depth). Errors: a damaged file.
 pub fn read_model(bytes: &[u8]) -> Result<Model, ProtocolError> {
-    let client = read_all(bytes)?;
+    let client = read_every(bytes)?;
     let viewer = client.viewer();
     let front = viewer.front();
     let roots = front.root_count();

@@ -3,7 +3,8 @@
 use crate::blocks::{BLOCK_SPLITS, first_roots};
 use crate::error::ProtocolError;
 use crate::file::{Block, Head};
-use crate::splits::{Reading, Scope, SplitModels, walk_block};
+use crate::sides::{Reading, Scope};
+use crate::splits::{SplitModels, walk_block};
 use crate::viewer::{Limits, SPLIT_BYTES, SPLITS_A_BYTE, Viewer};
 use pmesh_codec::range::RangeDecoder;
 use pmesh_core::hierarchy::{NONE, Progress, UnderWay, View};
@@ -52,7 +53,7 @@ impl Known {
 #[derive(Debug, Default)]
 pub struct FileClient {
     viewer: Viewer,
-    /// The file's beginning, until it is read.
+    /// The file's beginning, as much as came at once.
     beginning: Vec<u8>,
     needed: u64,
     /// Those that are known, in the order in which they were met.
@@ -165,16 +166,19 @@ impl FileClient {
         }
         self.viewer.begin(head.base)?;
         self.blocks.extend(head.first.map(|block| Known::new(block, NONE)));
-        if let Some(first) = head.first {
+        if head.first.is_some() {
             self.begin_at(0, roots);
-            // It may have come along.
-            let from = head.length as usize;
-            if let Some(bytes) = self.beginning.get(from..from.saturating_add(first.length as usize)).map(<[u8]>::to_vec) {
-                self.keep(0, &bytes);
-            }
+            self.take_early(0);
         }
-        self.beginning = Vec::new();
         Ok(())
+    }
+    /// A block may have come along with the beginning.
+    fn take_early(&mut self, b: u32) {
+        let (start, length) = self.place(b);
+        let Ok(from) = usize::try_from(start) else { return };
+        if let Some(bytes) = self.beginning.get(from..from.saturating_add(length as usize)) {
+            self.blocks[b as usize].bytes = Some(bytes.to_vec());
+        }
     }
     /// Block `b` begins at these nodes.
     fn begin_at(&mut self, b: u32, roots: Vec<u32>) {
@@ -236,6 +240,7 @@ impl FileClient {
         if child == NONE {
             (self.blocks[b as usize].child, self.blocks[b as usize].children) = (first, below.len() as u32);
             self.blocks.extend(below.iter().map(|&block| Known::new(block, b)));
+            (first..first + below.len() as u32).for_each(|c| self.take_early(c));
         }
         let mut ends = ends.into_iter();
         for (c, block) in (first..).zip(&below) {

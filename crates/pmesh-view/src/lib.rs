@@ -15,13 +15,14 @@ mod file_client;
 pub mod message;
 mod model;
 mod session;
+mod sides;
 pub mod splits;
 mod tags;
 mod viewer;
 
 pub use client::Client;
 pub use error::ProtocolError;
-pub use file::{Head, is_file, read_model, read_whole, write_file};
+pub use file::{Head, is_file, read_model, read_part, read_whole, write_file};
 pub use file_client::FileClient;
 pub use model::Model;
 pub use session::{Counts, Session};

@@ -123,6 +123,8 @@ pub enum Reply<'a> {
     Catalogue(Vec<String>),
     /// Why the server closes.
     Error(String),
+    /// Why the server closes, and would again.
+    Refused(String),
 }
 
 /// The base mesh, and what both ends must know alike.
@@ -289,6 +291,7 @@ pub fn reply(reply: &Reply) -> Vec<u8> {
         Reply::Done => vec![132],
         Reply::Catalogue(names) => [&[134], names.join("\n").as_bytes()].concat(),
         Reply::Error(text) => [&[133], text.as_bytes()].concat(),
+        Reply::Refused(text) => [&[135], text.as_bytes()].concat(),
     }
 }
 
@@ -305,6 +308,7 @@ pub fn read_reply(bytes: &[u8]) -> Result<Reply<'_>, ProtocolError> {
             Reply::Catalogue(text.lines().take(CATALOGUE_LIMIT).map(Into::into).collect())
         }
         133 => Reply::Error(String::from_utf8_lossy(r.take(bytes.len() - 1)?).into_owned()),
+        135 => Reply::Refused(String::from_utf8_lossy(r.take(bytes.len() - 1)?).into_owned()),
         _ => return r.error("no reply begins so"),
     };
     r.end(reply)
