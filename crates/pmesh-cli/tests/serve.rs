@@ -271,3 +271,28 @@ fn the_catalogue_names_what_is_there_and_a_file_for_views_is_served_as_it_is() {
     // Whether the hierarchy is made here or read.
     assert_eq!(look("part"), look("more/views"));
 }
+
+#[test]
+fn who_comes_back_to_another_model_is_told_that_it_is_one() {
+    let folder = folder("serve-other");
+    let mut server = Server::start(&folder, &[]);
+    let mut client = Client::new("part");
+    let mut socket = server.connect();
+    settle(&mut client, &mut socket, &near(), |_| ());
+    server.kill();
+    let made =
+        Command::new(env!("CARGO_BIN_EXE_pmesh")).current_dir(&folder).args(["sample", "knot", "-o", "part.pmesh"]).output();
+    assert!(made.expect("it runs").status.success());
+    let server = Server::start(&folder, &[]);
+    let mut socket = server.connect();
+    client.reconnect();
+    socket.send(Message::Binary(client.poll().expect("a resume").into())).expect("it takes it");
+    let answer = loop {
+        if let Message::Binary(bytes) = socket.read().expect("an answer") {
+            break client.receive(&bytes);
+        }
+    };
+    assert!(matches!(&answer, Err(pmesh_view::ProtocolError::Refused(why)) if why.contains("changed since")), "{answer:?}");
+    // What is here stays.
+    assert!(client.front().mesh().shown().len() > 100);
+}
