@@ -115,7 +115,9 @@ async fn anything(
 }
 
 async fn file(shared: &Shared, mut request: Request<Body>) -> Response {
-    let none = || (StatusCode::NOT_FOUND, "there is no such file here\n").into_response();
+    // Pages elsewhere are told, too.
+    let none =
+        || (StatusCode::NOT_FOUND, [(header::ACCESS_CONTROL_ALLOW_ORIGIN, "*")], "there is no such file here\n").into_response();
     if request.uri().path().split('/').any(|part| part.starts_with('.') || part.starts_with("%2e") || part.starts_with("%2E")) {
         return none();
     }
