@@ -1,5 +1,6 @@
 //! A front's mirror on the GPU: vertices where they are drawn, and a list of triangles. What has changed is written again, before each picture.
 
+use super::Scene;
 use super::gpu_mesh::{Uploader, buffer};
 use super::index_chunks::{IndexChunks, Primitive};
 use super::textures::Textures;
@@ -38,20 +39,14 @@ impl GpuFront {
     pub(super) fn uniforms(&self) -> &wgpu::Buffer {
         &self.uniforms
     }
-    pub(super) fn bind_group(&self) -> Option<&wgpu::BindGroup> {
-        self.group.as_ref()
-    }
     pub(super) fn row_texels(&self) -> u32 {
         self.row
     }
-    pub(super) fn faces(&self) -> &IndexChunks {
-        &self.faces
-    }
-    pub(super) fn lines(&self) -> Option<&IndexChunks> {
-        self.lines.as_ref()
+    pub(super) fn scene(&self) -> Scene<'_> {
+        Scene { group: self.group.as_ref(), faces: &self.faces, lines: self.lines.as_ref() }
     }
 
-    /// Brings the mirror up to date; gives the bytes written. `is_new`: nothing of what the front has changed is here.
+    /// Brings the mirror up to date; gives the bytes written.
     pub(super) fn sync(&mut self, up: &Uploader, front: &mut Front, wireframe: bool) -> Result<u64, JsValue> {
         let is_new = self.textures.is_none();
         let (changed, places) = (front.take_changed_vertices(), front.take_changed_places());

@@ -4,6 +4,7 @@
 //! level is *ready* once all of it is here, normals included. Uploading early is harmless, since a prefix does not see past
 //! itself. Textures double, their texels copied by the GPU.
 
+use super::Scene;
 use super::image::{ImageUpload, fitting};
 use super::index_chunks::{IndexChunks, Primitive};
 use super::pipelines::Pipelines;
@@ -107,9 +108,6 @@ impl GpuMesh {
     }
     pub(super) fn uniforms(&self) -> &wgpu::Buffer {
         &self.uniforms
-    }
-    pub(super) fn bind_group(&self) -> Option<&wgpu::BindGroup> {
-        self.group.as_ref()
     }
     pub(super) fn row_texels(&self) -> u32 {
         self.row
@@ -306,10 +304,7 @@ impl GpuMesh {
         bytes
     }
 
-    pub(super) fn faces(&self) -> &IndexChunks {
-        &self.faces
-    }
-    pub(super) fn lines(&self) -> Option<&IndexChunks> {
-        self.lines.as_ref()
+    pub(super) fn scene(&self) -> Scene<'_> {
+        Scene { group: self.group.as_ref(), faces: &self.faces, lines: self.lines.as_ref() }
     }
 }

@@ -241,8 +241,7 @@ impl Renderer {
             morph: [prefix.fraction, CREASE_COSINE, 0.0, 0.0],
         };
         self.queue.write_buffer(gpu.uniforms(), 0, &uniforms.to_bytes());
-        let scene = Scene { group: gpu.bind_group(), faces: gpu.faces(), lines: gpu.lines() };
-        self.paint(&scene, prefix.triangle_count, options, (width, height))?;
+        self.paint(&gpu.scene(), prefix.triangle_count, options, (width, height))?;
         Ok(result(
             gpu.is_complete(),
             gpu.ready_levels(),
@@ -275,8 +274,7 @@ impl Renderer {
         };
         self.queue.write_buffer(gpu.uniforms(), 0, &uniforms.to_bytes());
         let triangles = viewer.front().mesh().shown().len() as u32;
-        let scene = Scene { group: gpu.bind_group(), faces: gpu.faces(), lines: gpu.lines() };
-        self.paint(&scene, triangles, options, (width, height))?;
+        self.paint(&gpu.scene(), triangles, options, (width, height))?;
         Ok(result(true, 0, -1.0, triangles))
     }
 

@@ -233,6 +233,7 @@ fn changes_that_are_taken_are_all_that_a_renderer_needs() {
             triangles[place as usize] = front.mesh().shown().get(place as usize).and_then(|&t| front.mesh().triangle(t));
         }
         let shown = front.mesh().shown();
+        assert!(triangles.len() >= shown.len());
         assert!(shown.iter().zip(&triangles).all(|(&t, seen)| front.mesh().triangle(t) == *seen), "frame {frame}");
         assert!(
             triangles[..shown.len()]

@@ -4,7 +4,7 @@ use crate::error::ProtocolError;
 use crate::message::{NAMED_LIMIT, Packets, Reply, Request, Shape, read_reply, request};
 use crate::splits::{SplitModels, read, read_plain};
 use crate::viewer::{Limits, SPLITS_A_BYTE, Viewer};
-use pmesh_core::hierarchy::{Front, NONE, Progress, UnderWay, View};
+use pmesh_core::hierarchy::{Front, NONE, Progress, View};
 
 /// A model that arrives as it is looked at. Messages are what [`Self::poll`] gives and [`Self::receive`] takes; after a break [`Self::reconnect`] says what to begin with.
 #[derive(Debug, Default)]
@@ -42,7 +42,7 @@ impl Client {
     pub fn by_names(self) -> Self {
         Self { by_names: true, ..self }
     }
-    /// The front is to be drawn, from the base mesh on: changes are geomorphs ([`Front::draw`]), which [`Self::advance`] moves.
+    /// The front is to be drawn, from the base mesh on: changes are geomorphs ([`Front::draw`]), which [`Viewer::advance`] moves.
     pub fn draw(mut self) -> Self {
         self.viewer.is_drawn = true;
         self
@@ -153,10 +153,6 @@ impl Client {
             self.asked = Some((view, false));
         }
         Ok(progress)
-    }
-    /// Moves what is under way: [`Front::advance`].
-    pub fn advance(&mut self, view: &View, step: f64, budget: u32) -> Result<UnderWay, ProtocolError> {
-        self.viewer.advance(view, step, budget)
     }
     /// Says goodbye.
     pub fn close(&mut self) {

@@ -7,7 +7,7 @@ use crate::sides::{Reading, Scope};
 use crate::splits::{SplitModels, walk_block};
 use crate::viewer::{Limits, SPLIT_BYTES, SPLITS_A_BYTE, Viewer};
 use pmesh_codec::range::RangeDecoder;
-use pmesh_core::hierarchy::{NONE, Progress, UnderWay, View};
+use pmesh_core::hierarchy::{NONE, Progress, View};
 use std::collections::HashSet;
 
 /// Bytes of the first request: a base mesh, and often the first blocks.
@@ -326,10 +326,6 @@ impl FileClient {
             }
         }
         self.viewer.evictions += 1;
-    }
-    /// Moves what is under way: [`crate::Client::advance`].
-    pub fn advance(&mut self, view: &View, step: f64, budget: u32) -> Result<UnderWay, ProtocolError> {
-        self.viewer.advance(view, step, budget)
     }
     /// What the client may take from now on.
     pub fn set_limits(&mut self, limits: Limits) {

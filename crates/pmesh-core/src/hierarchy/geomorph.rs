@@ -9,7 +9,6 @@ use super::{Front, HierarchyError, NONE, View};
 const TURN: f32 = 0.25;
 /// Squared distance of unit normals that nobody sees.
 const CLOSE: f32 = 1e-4;
-
 /// The same of such as point the other way.
 const OPPOSITE: f32 = 3.9;
 
@@ -96,18 +95,12 @@ impl Geomorphs {
     }
     /// Keeps the vertices that have a new number, in order; these are all changed.
     pub(super) fn rename(&mut self, number: impl Fn(u32) -> Option<u32>) {
-        let mut at = 0;
-        let mut kept = || {
-            at += 1;
-            number(at - 1).is_some()
-        };
-        let keep: Vec<bool> = (0..self.flags.len()).map(|_| kept()).collect();
-        let mut retain = keep.iter();
-        self.positions.retain(|_| retain.next().is_some_and(|&k| k));
-        let mut retain = keep.iter();
-        self.normals.retain(|_| retain.next().is_some_and(|&k| k));
-        let mut retain = keep.iter();
-        self.flags.retain(|_| retain.next().is_some_and(|&k| k));
+        fn keep<T: Copy>(list: &mut Vec<T>, number: impl Fn(u32) -> Option<u32>) {
+            *list = list.iter().enumerate().filter(|(v, _)| number(*v as u32).is_some()).map(|(_, x)| *x).collect();
+        }
+        keep(&mut self.positions, &number);
+        keep(&mut self.normals, &number);
+        keep(&mut self.flags, &number);
         for list in [&mut self.moving, &mut self.turning] {
             *list = list.iter().filter_map(|&v| number(v)).collect();
         }
