@@ -63,26 +63,11 @@ impl Models {
     }
 
     /// Names of the models in the folder, and in folders in it, as far as such names are served. Errors: in words for the client.
-    pub(crate) fn names(&self) -> Result<Vec<String>, String> {
-        let mut names = Vec::new();
-        let mut folders = vec![PathBuf::new()];
-        while let Some(within) = folders.pop().filter(|_| names.len() < NAMES_LIMIT) {
-            let entries = std::fs::read_dir(self.folder.join(&within)).map_err(|e| format!("the folder cannot be read: {e}"))?;
-            for entry in entries.flatten() {
-                let name = entry.file_name();
-                let Some(name) = name.to_str().filter(|n| !n.starts_with('.')) else { continue };
-                let path = within.join(name);
-                // A link to a folder may lead back.
-                if entry.file_type().is_ok_and(|t| t.is_dir()) {
-                    folders.push(path);
-                } else if let Some(model) = path.to_str().and_then(|p| p.strip_suffix(".pmesh")) {
-                    names.push(model.to_string());
-                }
-            }
-        }
-        names.sort_unstable();
-        names.truncate(NAMES_LIMIT);
-        Ok(names)
+    pub(crate) async fn names(&self) -> Result<Vec<String>, String> {
+        let folder = self.folder.clone();
+        // Disks are slow: others have their turn meanwhile.
+        let listed = tokio::task::spawn_blocking(move || names(&folder)).await;
+        listed.unwrap_or_else(|e| Err(std::io::Error::other(e))).map_err(|e| format!("the folder cannot be read: {e}"))
     }
 
     /// The file of a name that stays within the folder, if there is one.
@@ -95,6 +80,27 @@ impl Models {
         let path = self.folder.join(if is_pmesh { name.into() } else { PathBuf::from(format!("{}.pmesh", name.display())) });
         path.is_file().then_some(path)
     }
+}
+
+fn names(folder: &Path) -> std::io::Result<Vec<String>> {
+    let mut names = Vec::new();
+    let mut folders = vec![PathBuf::new()];
+    while let Some(within) = folders.pop().filter(|_| names.len() < NAMES_LIMIT) {
+        for entry in std::fs::read_dir(folder.join(&within))?.flatten() {
+            let name = entry.file_name();
+            let Some(name) = name.to_str().filter(|n| !n.starts_with('.')) else { continue };
+            let path = within.join(name);
+            // A link to a folder may lead back.
+            if entry.file_type().is_ok_and(|t| t.is_dir()) {
+                folders.push(path);
+            } else if let Some(model) = path.to_str().and_then(|p| p.strip_suffix(".pmesh")) {
+                names.push(model.to_string());
+            }
+        }
+    }
+    names.sort_unstable();
+    names.truncate(NAMES_LIMIT);
+    Ok(names)
 }
 
 /// A `.pmesh` taken apart for views: as the file has it, or its finest mesh on the grid of `bits`, seconds for a million triangles.

@@ -52,7 +52,7 @@ async fn talk(socket: &mut WebSocket, shared: &Shared) -> Result<(), End> {
         let Some(first) = next(socket, shared).await? else { return Ok(()) };
         match read_request(&first).map_err(told)? {
             Request::Catalogue => {
-                let names = shared.models.names().map_err(End::Told)?;
+                let names = shared.models.names().await.map_err(End::Told)?;
                 send(socket, shared, reply(&Reply::Catalogue(names))).await?;
             }
             request => break (first, request),

@@ -72,10 +72,7 @@ impl Session {
                 Ok(begin(model, packets, tags, base))
             }
             Request::Resume { packets, fingerprint, shape, .. } => {
-                if model.fingerprint() != fingerprint {
-                    return Err(ProtocolError::OtherModel { expected: model.fingerprint(), found: fingerprint });
-                }
-                let tags = leaves(&model, &shape)?;
+                let tags = leaves(&model, fingerprint, &shape)?;
                 Ok(begin(model, packets, tags, reply(&Reply::Resumed)))
             }
             _ => Err(ProtocolError::Unexpected("a session begins with a hello")),
@@ -99,10 +96,7 @@ impl Session {
             }
             // It has forgotten something.
             Request::Resume { packets, fingerprint, shape, .. } => {
-                if self.model.fingerprint() != fingerprint {
-                    return Err(ProtocolError::OtherModel { expected: self.model.fingerprint(), found: fingerprint });
-                }
-                self.tags = leaves(&self.model, &shape)?;
+                self.tags = leaves(&self.model, fingerprint, &shape)?;
                 let spent = self.models.spent;
                 (self.packets, self.models) = (packets, SplitModels::of(packets));
                 self.models.spent = spent;
@@ -246,8 +240,11 @@ impl Session {
     }
 }
 
-/// The leaves of a client's trees, from its walk through them.
-fn leaves(model: &Model, shape: &Shape) -> Result<ActiveTags, ProtocolError> {
+/// The leaves of a client's trees, from its walk through them. Errors: of another model, or of nodes that are not there.
+fn leaves(model: &Model, fingerprint: u64, shape: &Shape) -> Result<ActiveTags, ProtocolError> {
+    if model.fingerprint() != fingerprint {
+        return Err(ProtocolError::OtherModel { expected: model.fingerprint(), found: fingerprint });
+    }
     let h = model.hierarchy();
     let bad = ProtocolError::Unexpected("the client has nodes that are not there");
     let mut bits = shape.iter();
