@@ -214,18 +214,18 @@ impl<'a> Replay<'a> {
     fn bounds(&self, v: u32) -> Bounds {
         let [aside, up, whole] = self.errors[v as usize];
         let code = |x: f64| Bounds::length_code(x, self.unit);
-        let sine = self.cones[v as usize].angle.map_or(1.0, |(_, sine)| sine);
-        let sine = (sine * f64::from(Bounds::NO_CONE) + 1e-6).ceil().min(f64::from(Bounds::NO_CONE)) as u8;
+        let angle = Bounds::angle_code(self.cones[v as usize].angle.map_or(1.0, |(_, sine)| sine + 1e-6));
         let (own, [low, high]) = (self.at(v), self.boxes[v as usize]);
         let farthest: Point = std::array::from_fn(|k| (own[k] - low[k]).max(high[k] - own[k]));
         // Every other length does.
         let radius = code(length(farthest)) | 1;
         // Not nothing: nothing is what a leaf has.
-        if sine == Bounds::NO_CONE {
-            return Bounds { radius, uniform: code(whole).max(1), sine, ..Default::default() };
+        if angle == Bounds::NO_CONE {
+            return Bounds { radius, uniform: code(whole).max(1), angle, ..Default::default() };
         }
         let axis = Bounds::axis_code(self.normals[v as usize]);
-        Bounds { radius, uniform: code(aside).max(1), directional: code(up), axis, sine }
+        let directional = code(up);
+        Bounds { radius, uniform: code(aside).max(Bounds::least_uniform(directional)), directional, axis, angle }
     }
 }
 

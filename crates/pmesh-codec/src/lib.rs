@@ -28,6 +28,7 @@ pub mod range;
 mod receiver;
 pub mod refine;
 pub mod scene;
+mod single;
 pub mod slod;
 pub mod split;
 pub mod text;
@@ -36,6 +37,7 @@ pub mod wavelet;
 pub use decoder::{Decoder, Event, LevelEntry, StreamInfo, Texture, open};
 pub use error::{DecodeError, EncodeError, Place};
 pub use receiver::{Arrival, Receiver};
+pub use single::{ITEM_LIMIT, SingleMesh, code_mesh};
 
 /// True in a fuzzer's build: no input that it makes up would have the right checksums.
 pub(crate) const FUZZING: bool = cfg!(fuzzing);

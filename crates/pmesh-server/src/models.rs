@@ -122,7 +122,7 @@ pub fn model_of(mesh: &IndexedMesh, bits: Option<u8>, progress: impl FnMut(f64))
     let mesh = quantise(&mesh, bits);
     let stream = take_apart(mesh.clone(), bits, BatchOptions::default(), progress).map_err(|e| e.to_string())?;
     let hierarchy = hierarchy(&mesh, &stream).map_err(|e| e.to_string())?;
-    Model::new(hierarchy, grid).map_err(|e| e.to_string())
+    Model::new(hierarchy, &mesh.triangles, grid).map_err(|e| e.to_string())
 }
 
 /// The positions and triangles of a mesh, both sides of a seam as one vertex: they hold nothing else here, and would part where views refine one side only. Vertices of

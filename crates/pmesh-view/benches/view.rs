@@ -114,7 +114,7 @@ fn run(mesh: &IndexedMesh, name: &str, plots: Option<&Path>) -> Outcome<serde_js
     let stream = take_apart(mesh.clone(), Some(BITS), BatchOptions::default(), |_| ())?;
     let taken = start.elapsed().as_secs_f64();
     let hierarchy = hierarchy(&mesh, &stream)?;
-    let model = Arc::new(Model::new(hierarchy, grid)?);
+    let model = Arc::new(Model::new(hierarchy, &mesh.triangles, grid)?);
     let mut file = Vec::new();
     compact::encode(&stream, Some(BITS), &mut file)?;
     let h = model.hierarchy();

@@ -5,7 +5,8 @@
 
 use crate::model::Model;
 use crate::sides::Writing;
-use crate::splits::{SplitModels, walk_block};
+use crate::splits::Spent;
+use crate::ways::{BlockModels, walk_block};
 use pmesh_codec::range::Encoder;
 use pmesh_core::hierarchy::{Bounds, NONE};
 use std::collections::{BinaryHeap, HashSet};
@@ -43,7 +44,7 @@ pub(crate) fn first_roots(positions: &[[f32; 3]], bounds: &[Bounds], [low, high]
 }
 
 /// Packs all of a model, the blocks in the order of their rank: the first, then those below it, then those below these. O(n log n).
-pub(crate) fn pack(model: &Model) -> (Vec<Packed>, crate::splits::Spent) {
+pub(crate) fn pack(model: &Model) -> (Vec<Packed>, Spent) {
     let h = model.hierarchy();
     let nodes = h.nodes();
     // Splits below each node, itself included.
@@ -60,13 +61,10 @@ pub(crate) fn pack(model: &Model) -> (Vec<Packed>, crate::splits::Spent) {
     // Roots of each block, and the block above it.
     let first = first_roots(&positions, &bounds, model.extent());
     let mut plan = if first.is_empty() { Vec::new() } else { vec![(first, NONE)] };
-    let (mut packed, mut spent) = (Vec::<Packed>::new(), crate::splits::Spent::default());
+    let (mut packed, mut spent) = (Vec::<Packed>::new(), Spent::default());
     let mut at = 0;
     while at < plan.len() {
-        let (roots, above) = plan[at].clone();
-        let chain: Vec<u32> =
-            std::iter::successors((above != NONE).then_some(above), |&b| Some(plan[b as usize].1).filter(|&b| b != NONE))
-                .collect();
+        let roots = plan[at].0.clone();
         // What is farthest off first.
         let rank = |i: u32| {
             (
@@ -76,18 +74,19 @@ pub(crate) fn pack(model: &Model) -> (Vec<Packed>, crate::splits::Spent) {
             )
         };
         let mut heap: BinaryHeap<_> = roots.iter().map(|&i| (rank(i), i)).collect();
-        let mut wanted = HashSet::new();
-        while let Some((_, i)) = heap.pop().filter(|_| (wanted.len() as u32) < BLOCK_SPLITS) {
-            wanted.insert(i);
+        let mut splits = 0;
+        while let Some((_, i)) = heap.pop().filter(|_| splits < BLOCK_SPLITS) {
+            splits += 1;
+            block_of[i as usize] = at as u32;
             let child = nodes[i as usize].child;
             heap.extend([child, child + 1].into_iter().filter(|&c| nodes[c as usize].child != NONE).map(|c| (rank(c), c)));
         }
-        wanted.iter().for_each(|&i| block_of[i as usize] = at as u32);
-        let splits = wanted.len() as u32;
+        let above = |b: u32| Some(b).filter(|&b| b != NONE);
+        let chain: Vec<u32> = std::iter::successors(above(plan[at].1), |&b| above(plan[b as usize].1)).collect();
         let knew = |i: u32| chain.contains(&block_of[i as usize]);
-        let mut side = Writing { model, wanted, done: HashSet::new(), knew: &knew, cut_at: None };
-        let mut models = SplitModels::default();
-        let mut coder = Encoder::new();
+        let wanted = |i: u32| block_of[i as usize] == at as u32;
+        let mut side = Writing { model, wanted: &wanted, done: HashSet::new(), knew: &knew };
+        let (mut models, mut coder) = (BlockModels::default(), Encoder::new());
         // What is written is what was asked for: nothing can be wrong with it.
         let ends = walk_block(&mut coder, &mut models, &mut side, &roots, splits).unwrap_or_default();
         spent.add(&models.spent);

@@ -63,6 +63,9 @@ impl Client {
             Reply::Base(_) if !v.is_empty() => return Err(ProtocolError::Unexpected("a second base mesh")),
             Reply::Base(base) => {
                 v.begin(base)?;
+                if self.packets != Packets::Plain {
+                    v.front.follow_cuts();
+                }
                 self.is_open = true;
             }
             _ if v.is_empty() => return Err(ProtocolError::Unexpected("a reply before the base mesh")),

@@ -1,14 +1,15 @@
 //! A hierarchy as a file of blocks: `.pmesh`, version 2. docs/FORMAT.md has every byte.
 
+use crate::base::Base;
 use crate::blocks::{Packed, SPLITS_LIMIT, pack};
 use crate::error::ProtocolError;
 use crate::file_client::FileClient;
-use crate::message::{Base, Reply, read_reply};
+use crate::message::{Reply, read_reply};
 use crate::model::Model;
 use crate::splits::Spent;
 use pmesh_codec::pmesh::{SIGNATURE, VIEWS_VERSION as VERSION};
 use pmesh_core::IndexedMesh;
-use pmesh_core::hierarchy::{Bounds, NONE, VertexHierarchy, View};
+use pmesh_core::hierarchy::{Bounds, Front, NONE, VertexHierarchy, View};
 
 /// Signature, version, and length of all before the first block.
 const PREAMBLE_BYTES: usize = 8 + 1 + 4;
@@ -261,7 +262,9 @@ pub fn read_part(bytes: &[u8]) -> Result<IndexedMesh, ProtocolError> {
 
 /// All of a file as what a server has. O(n · depth). Errors: a damaged file.
 pub fn read_model(bytes: &[u8]) -> Result<Model, ProtocolError> {
-    let client = read_every(bytes)?;
+    let mut client = read_every(bytes)?;
+    let base = triangles(client.viewer().front());
+    while client.refine(&View::everything(), u32::MAX)?.splits > 0 {}
     let viewer = client.viewer();
     let front = viewer.front();
     let roots = front.root_count();
@@ -295,9 +298,11 @@ pub fn read_model(bytes: &[u8]) -> Result<Model, ProtocolError> {
         }
         collapses.push((vertex_of_child(child), vertex[i as usize], cuts));
     }
-    let base: Vec<[u32; 3]> = front.mesh().shown().iter().filter_map(|&t| front.mesh().triangle(t)).collect();
     let mut hierarchy = VertexHierarchy::new(front.positions().to_vec(), &collapses, &base)?;
     let bounds: Vec<Bounds> = order.iter().map(|&i| node(i).map(|n| n.bounds)).collect::<Result<_, _>>()?;
     hierarchy.set_bounds(front.unit(), |i| bounds.get(i as usize).copied().unwrap_or_default())?;
-    Model::new(hierarchy, viewer.grid)
+    Model::new(hierarchy, &triangles(front), viewer.grid)
+}
+fn triangles(front: &Front) -> Vec<[u32; 3]> {
+    front.mesh().shown().iter().filter_map(|&t| front.mesh().triangle(t)).collect()
 }

@@ -4,8 +4,8 @@ use crate::blocks::{BLOCK_SPLITS, first_roots};
 use crate::error::ProtocolError;
 use crate::file::{Block, Head};
 use crate::sides::{Reading, Scope};
-use crate::splits::{SplitModels, walk_block};
 use crate::viewer::{Limits, SPLIT_BYTES, SPLITS_A_BYTE, Viewer};
+use crate::ways::{BlockModels, walk_block};
 use pmesh_codec::range::RangeDecoder;
 use pmesh_core::hierarchy::{NONE, Progress, View};
 use std::collections::HashSet;
@@ -227,7 +227,7 @@ impl FileClient {
         let scope = Scope { block_of: &mut self.block_of, block: b, chain, done: HashSet::new() };
         let mut side = Reading { front: &mut v.front, grid: &v.grid, total: v.total, scope: Some(scope) };
         let mut coder = RangeDecoder::new(bytes.to_vec());
-        let ends = walk_block(&mut coder, &mut SplitModels::default(), &mut side, &roots, block.splits)?;
+        let ends = walk_block(&mut coder, &mut BlockModels::default(), &mut side, &roots, block.splits)?;
         v.splits += (self.block_of.len() - before) as u64;
         // The same bytes may be named again and again, and grow without end.
         if self.block_of.len() as u64 > SPLITS_A_BYTE * self.bytes {

@@ -7,19 +7,24 @@
 //!
 //! [`write_file`] packs a model into a file of blocks, and [`FileClient`] says which parts of it a view needs: then any server of files will do. Both clients have a [`Viewer`].
 
+mod base;
 mod blocks;
 mod client;
 mod error;
+mod fans;
 mod file;
 mod file_client;
 pub mod message;
 mod model;
+mod numbers;
 mod session;
 mod sides;
 pub mod splits;
 mod tags;
 mod viewer;
+mod ways;
 
+pub use base::Base;
 pub use client::Client;
 pub use error::ProtocolError;
 pub use file::{Head, is_file, read_model, read_part, read_whole, write_file};

@@ -1,17 +1,15 @@
 //! Messages: a byte that says which, then what it says. The transport keeps them apart (a WebSocket does). docs/PROTOCOL.md has every byte.
 
+use crate::base::{self, Base};
 use crate::error::ProtocolError;
-use pmesh_codec::pmesh::Quantisation;
-use pmesh_core::hierarchy::{Bounds, NodeId, View};
+use pmesh_core::hierarchy::{NodeId, View};
 
 /// Version of the protocol.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
 /// First bytes of a hello.
 const MAGIC: [u8; 4] = *b"PMVD";
-/// Most vertices and triangles of a base mesh.
-const BASE_LIMIT: u32 = 1 << 22;
-/// Most nodes of a hierarchy.
-const TOTAL_LIMIT: u64 = 1 << 31;
+/// First byte of the message with the base mesh.
+pub(crate) const BASE_KIND: u8 = 129;
 /// Most bytes of a model's name.
 const NAME_LIMIT: usize = 255;
 /// Bytes of a node that is named, and most of them in a message.
@@ -127,27 +125,6 @@ pub enum Reply<'a> {
     Refused(String),
 }
 
-/// The base mesh, and what both ends must know alike.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Base {
-    /// Names the model's state: who resumes must have the same.
-    pub fingerprint: u64,
-    /// Unit of the lengths of bounds.
-    pub unit: f64,
-    /// Grid of the positions.
-    pub grid: Quantisation,
-    /// Of the roots.
-    pub positions: Vec<[f32; 3]>,
-    /// Of the roots.
-    pub bounds: Vec<Bounds>,
-    /// Between the roots.
-    pub triangles: Vec<[u32; 3]>,
-    /// Nodes of the whole hierarchy.
-    pub total: u64,
-    /// Smallest and largest corner of the box about all of it.
-    pub extent: [[f32; 3]; 2],
-}
-
 /// Bytes of a request.
 pub fn request(request: &Request) -> Vec<u8> {
     let mut out = Vec::new();
@@ -258,34 +235,11 @@ pub fn read_request(bytes: &[u8]) -> Result<Request, ProtocolError> {
     r.end(request)
 }
 
-/// The base mesh's message.
-pub fn base(base: &Base) -> Vec<u8> {
-    let mut out = vec![129];
-    out.extend(base.fingerprint.to_le_bytes());
-    out.extend(base.total.to_le_bytes());
-    out.extend(base.unit.to_le_bytes());
-    out.push(base.grid.position_bits.unwrap_or(0));
-    base.grid.position_origin.iter().for_each(|x| out.extend(x.to_le_bytes()));
-    out.extend(base.grid.position_step.to_le_bytes());
-    base.extent.as_flattened().iter().for_each(|x| out.extend(x.to_le_bytes()));
-    [base.positions.len(), base.triangles.len()].iter().for_each(|&n| out.extend((n as u32).to_le_bytes()));
-    for (p, b) in base.positions.iter().zip(&base.bounds) {
-        p.iter().for_each(|x| out.extend(x.to_le_bytes()));
-        out.extend(b.to_bytes());
-    }
-    // As many bytes an index as the largest needs.
-    let width = index_width(base.positions.len());
-    base.triangles.iter().flatten().for_each(|&v| out.extend(&v.to_le_bytes()[..width]));
-    out
-}
-fn index_width(count: usize) -> usize {
-    1 + (usize::BITS - count.saturating_sub(1).leading_zeros()).saturating_sub(1) as usize / 8
-}
-
 /// Bytes of a reply.
 pub fn reply(reply: &Reply) -> Vec<u8> {
     match reply {
-        Reply::Base(b) => base(b),
+        // Of triangles between vertices that are not there nothing can be said but that.
+        Reply::Base(b) => base::write(b).map_or_else(|e| self::reply(&Reply::Error(e.to_string())), |written| written.0),
         Reply::Resumed => vec![130],
         Reply::Splits(packet) => [&[131], *packet].concat(),
         Reply::Done => vec![132],
@@ -299,7 +253,7 @@ pub fn reply(reply: &Reply) -> Vec<u8> {
 pub fn read_reply(bytes: &[u8]) -> Result<Reply<'_>, ProtocolError> {
     let mut r = Reader { bytes, at: 0 };
     let reply = match r.u8()? {
-        129 => Reply::Base(read_base(&mut r)?),
+        BASE_KIND => Reply::Base(base::read(&mut r)?),
         130 => Reply::Resumed,
         131 => Reply::Splits(r.take(bytes.len() - 1)?),
         132 => Reply::Done,
@@ -314,55 +268,17 @@ pub fn read_reply(bytes: &[u8]) -> Result<Reply<'_>, ProtocolError> {
     r.end(reply)
 }
 
-fn read_base(r: &mut Reader) -> Result<Base, ProtocolError> {
-    let fingerprint = u64::from_le_bytes(r.array()?);
-    let total = u64::from_le_bytes(r.array()?);
-    let unit = f64::from_le_bytes(r.array()?);
-    let bits = r.u8()?;
-    let position_origin = [r.f32()?, r.f32()?, r.f32()?];
-    let position_step = f64::from_le_bytes(r.array()?);
-    let good = position_origin.iter().all(|x| x.is_finite()) && position_step.is_finite() && position_step >= 0.0 && bits <= 24;
-    if !good || (bits > 0 && position_step == 0.0) {
-        return r.error("a grid that is none");
-    }
-    let extent = [[r.f32()?, r.f32()?, r.f32()?], [r.f32()?, r.f32()?, r.f32()?]];
-    if (0..3).any(|k| !(extent[0][k].is_finite() && extent[1][k].is_finite() && extent[0][k] <= extent[1][k])) {
-        return r.error("a box that is none");
-    }
-    let grid = Quantisation { position_bits: (bits > 0).then_some(bits), position_origin, position_step, ..Default::default() };
-    let (vertices, triangles) = (u32::from_le_bytes(r.array()?), u32::from_le_bytes(r.array()?));
-    if total < u64::from(vertices) || total > TOTAL_LIMIT {
-        return r.error("a hierarchy of so many nodes");
-    }
-    let width = index_width(vertices as usize);
-    let left = (r.bytes.len() - r.at) as u64;
-    if vertices.max(triangles) > BASE_LIMIT || u64::from(vertices) * 18 + u64::from(triangles) * 3 * width as u64 != left {
-        return r.error("a base mesh of another size than it says");
-    }
-    let (mut positions, mut bounds) = (Vec::with_capacity(vertices as usize), Vec::with_capacity(vertices as usize));
-    for _ in 0..vertices {
-        positions.push([r.f32()?, r.f32()?, r.f32()?]);
-        bounds.push(Bounds::from_bytes(r.array()?));
-    }
-    let mut index = || {
-        let mut bytes = [0; 4];
-        bytes[..width].copy_from_slice(r.take(width)?);
-        Ok::<_, ProtocolError>(u32::from_le_bytes(bytes))
-    };
-    let triangles = (0..triangles).map(|_| Ok([index()?, index()?, index()?])).collect::<Result<_, ProtocolError>>()?;
-    Ok(Base { fingerprint, unit, grid, positions, bounds, triangles, total, extent })
-}
-
-struct Reader<'a> {
+/// Reads a message.
+pub(crate) struct Reader<'a> {
     bytes: &'a [u8],
     at: usize,
 }
 
 impl<'a> Reader<'a> {
-    fn error<T>(&self, what: &'static str) -> Result<T, ProtocolError> {
+    pub(crate) fn error<T>(&self, what: &'static str) -> Result<T, ProtocolError> {
         Err(ProtocolError::Syntax { at: self.at.saturating_sub(1), what })
     }
-    fn take(&mut self, count: usize) -> Result<&'a [u8], ProtocolError> {
+    pub(crate) fn take(&mut self, count: usize) -> Result<&'a [u8], ProtocolError> {
         match self.bytes.get(self.at..self.at.saturating_add(count)) {
             Some(bytes) => {
                 self.at += count;
@@ -371,14 +287,20 @@ impl<'a> Reader<'a> {
             None => Err(ProtocolError::Syntax { at: self.bytes.len(), what: "it ends too early" }),
         }
     }
-    fn array<const N: usize>(&mut self) -> Result<[u8; N], ProtocolError> {
+    pub(crate) fn array<const N: usize>(&mut self) -> Result<[u8; N], ProtocolError> {
         let bytes = self.take(N)?;
         Ok(std::array::from_fn(|i| bytes[i]))
     }
-    fn u8(&mut self) -> Result<u8, ProtocolError> {
+    pub(crate) fn u8(&mut self) -> Result<u8, ProtocolError> {
         Ok(self.array::<1>()?[0])
     }
-    fn f32(&mut self) -> Result<f32, ProtocolError> {
+    /// All that is left.
+    pub(crate) fn rest(&mut self) -> &'a [u8] {
+        let rest = self.bytes.get(self.at..).unwrap_or_default();
+        self.at = self.bytes.len();
+        rest
+    }
+    pub(crate) fn f32(&mut self) -> Result<f32, ProtocolError> {
         Ok(f32::from_le_bytes(self.array()?))
     }
     fn end<T>(&self, value: T) -> Result<T, ProtocolError> {

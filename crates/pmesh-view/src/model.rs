@@ -1,7 +1,7 @@
 //! What a server has of a mesh: static, shared by all sessions.
 
+use crate::base::{self, Base};
 use crate::error::ProtocolError;
-use crate::message::{self, Base};
 use pmesh_codec::pmesh::Quantisation;
 use pmesh_core::hierarchy::{Bounds, NONE, Node, NodeId, VertexHierarchy};
 
@@ -16,8 +16,9 @@ pub struct Model {
 }
 
 impl Model {
-    /// `grid` is that of the positions, or none: then they are exact floats. O(n). Errors: positions that are not on the grid.
-    pub fn new(hierarchy: VertexHierarchy, grid: Quantisation) -> Result<Self, ProtocolError> {
+    /// `triangles` are the finest ones, corners at vertices; `grid` is that of the positions, or none: then they are exact floats. The roots are numbered as the message with the base mesh has them.
+    /// O(n · depth). Errors: positions that are not on the grid, triangles of another hierarchy.
+    pub fn new(mut hierarchy: VertexHierarchy, triangles: &[[u32; 3]], grid: Quantisation) -> Result<Self, ProtocolError> {
         let nodes = 0..hierarchy.nodes().len() as u32;
         let off = |i: u32| {
             let p = hierarchy.position(i);
@@ -29,8 +30,9 @@ impl Model {
         // What the messages can say, and clients believe.
         let sayable = |n: &Node| {
             let b = n.bounds;
-            let cone = b.sine < Bounds::NO_CONE || (b.sine == Bounds::NO_CONE && b.axis == [0; 2] && b.directional == 0);
-            let inner = !b.is_leaf() && b.radius % 2 == 1 && cone && n.cuts[0] != n.cuts[1];
+            let none = b.angle == Bounds::NO_CONE && b.axis == [0; 2] && b.directional == 0 && b.uniform > 0;
+            let cone = b.angle < Bounds::NO_CONE && b.uniform >= Bounds::least_uniform(b.directional);
+            let inner = (none || cone) && b.radius % 2 == 1 && n.cuts[0] != n.cuts[1];
             if n.child == NONE { b.is_leaf() } else { inner }
         };
         if !hierarchy.nodes().iter().all(sayable) {
@@ -43,7 +45,7 @@ impl Model {
             let (node, p) = (&hierarchy.nodes()[i as usize], hierarchy.position(i));
             p.iter().for_each(|x| mix(x.to_bits().into()));
             let b = node.bounds;
-            mix(u64::from_le_bytes([b.radius, b.uniform, b.directional, b.axis[0] as u8, b.axis[1] as u8, b.sine, 0, 0]));
+            mix(u64::from_le_bytes([b.radius, b.uniform, b.directional, b.axis[0] as u8, b.axis[1] as u8, b.angle, 0, 0]));
             [node.child, node.cuts[0], node.cuts[1]].into_iter().for_each(|x| mix(x.into()));
         }
         hierarchy.base_triangles().iter().flatten().for_each(|&v| mix(v.into()));
@@ -62,7 +64,10 @@ impl Model {
             total: hierarchy.nodes().len() as u64,
             extent,
         };
-        Ok(Self { base: message::base(&base), hierarchy, grid, extent, fingerprint })
+        let (base, order) = base::write(&base)?;
+        hierarchy.sort_roots(&order.roots, order.triangles)?;
+        hierarchy.set_triangles(triangles)?;
+        Ok(Self { base, hierarchy, grid, extent, fingerprint })
     }
     /// The hierarchy.
     pub fn hierarchy(&self) -> &VertexHierarchy {

@@ -139,10 +139,17 @@ impl Session {
     fn packet(&mut self, splits: &[u32]) -> Vec<u8> {
         self.counts.splits += splits.len() as u64;
         let packet = match self.packets {
-            Packets::Plain => write_plain(&self.model, splits),
+            Packets::Plain => Ok(write_plain(&self.model, splits)),
             _ => write(&mut self.models, &self.model, &self.tags, splits),
         };
-        reply(&Reply::Splits(&packet))
+        match packet {
+            Ok(packet) => reply(&Reply::Splits(&packet)),
+            // Only of a client that is wrong about what it has.
+            Err(_) => {
+                (self.view, self.named) = (None, None);
+                reply(&Reply::Error("the nodes that the client has make no mesh".into()))
+            }
+        }
     }
     fn scan(&mut self, most: u32, budget: u32) -> Option<Vec<u8>> {
         if self.named.is_some() {
@@ -236,7 +243,7 @@ impl Session {
     /// Bytes of this session, the model not counted.
     pub fn memory_bytes(&self) -> usize {
         let named = self.named.as_ref().map_or(0, |n| 4 * n.capacity());
-        size_of::<Self>() + size_of::<SplitModels>() + self.tags.memory_bytes() + self.waiting.capacity() + named
+        size_of::<Self>() + self.models.memory_bytes() + self.tags.memory_bytes() + self.waiting.capacity() + named
     }
 }
 

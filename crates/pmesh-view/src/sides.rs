@@ -2,8 +2,10 @@
 
 use crate::error::ProtocolError;
 use crate::model::Model;
+use crate::numbers::SIZES;
 use crate::splits::split_of;
 use crate::tags::ActiveTags;
+use pmesh_codec::compact::RingSplit;
 use pmesh_codec::pmesh::Quantisation;
 use pmesh_core::hierarchy::{Bounds, Front, NONE, NodeId, Split};
 use std::collections::HashSet;
@@ -33,13 +35,11 @@ pub(crate) trait Side {
 pub(crate) struct Writing<'a> {
     pub(crate) model: &'a Model,
     /// Splits to be written, and what is above them.
-    pub(crate) wanted: HashSet<u32>,
+    pub(crate) wanted: &'a dyn Fn(u32) -> bool,
     /// Splits that are written.
     pub(crate) done: HashSet<u32>,
     /// Splits that the other end counts on beside these.
     pub(crate) knew: &'a dyn Fn(u32) -> bool,
-    /// The front after it, if cuts are told as they stand in it.
-    pub(crate) cut_at: Option<&'a ActiveTags>,
 }
 
 impl Side for Writing<'_> {
@@ -59,28 +59,16 @@ impl Side for Writing<'_> {
         self.model.row(i)
     }
     fn bounds(&self, i: u32) -> Bounds {
-        let own = self.model.hierarchy().nodes()[i as usize].bounds;
-        if self.cut_at.is_none() || i < self.roots() {
-            return own;
-        }
-        // What the other end takes them for.
-        let id = self.id(i);
-        assumed(self.bounds(id.tree), id.depth().unwrap_or(0), own.is_leaf())
+        self.model.hierarchy().nodes()[i as usize].bounds
     }
     fn cuts(&self, i: u32) -> [Option<NodeId>; 2] {
         self.model.cuts(i)
     }
     fn is_wanted(&self, i: u32) -> bool {
-        self.wanted.contains(&i)
+        (self.wanted)(i)
     }
     fn truth(&self, i: u32) -> Option<Split> {
-        let h = self.model.hierarchy();
-        let mut split = split_of(self.model, i);
-        if let Some(tags) = self.cut_at {
-            let at = |cut: u32| if cut == NONE { None } else { h.id(h.active_ancestor(cut, |n| tags.contains(n))?) };
-            split.cuts = h.nodes()[i as usize].cuts.map(at);
-        }
-        Some(split)
+        Some(split_of(self.model, i))
     }
     fn add(&mut self, i: u32, _: &Split) -> Result<u32, ProtocolError> {
         self.done.insert(i);
@@ -171,8 +159,158 @@ impl Side for Reading<'_> {
     }
 }
 
-/// What a node's bounds are taken for where none are sent: its radius gets smaller from step to step, its error is not known.
-pub(crate) fn assumed(root: Bounds, depth: u32, is_leaf: bool) -> Bounds {
-    let radius = root.radius.saturating_sub(depth.saturating_mul(2).min(254) as u8).max(1);
-    if is_leaf { Bounds::default() } else { Bounds { radius, uniform: 1, sine: Bounds::NO_CONE, ..Default::default() } }
+/// A split as a packet tells it.
+pub(crate) struct Told {
+    pub(crate) ring: RingSplit,
+    /// The cuts, nodes as the end numbers them.
+    pub(crate) cuts: [Option<u32>; 2],
+    /// Of both children.
+    pub(crate) bounds: [Bounds; 2],
+}
+
+/// One end of a packet that is told by the mesh of all that the client knows.
+pub(crate) trait Known: Side {
+    fn depth(&self, i: u32) -> u32;
+    /// Nodes about node `i`, counter-clockwise; true if they close.
+    fn neighbours(&mut self, i: u32, out: &mut Vec<u32>) -> bool;
+    /// The writer: the node cannot be split yet.
+    fn waits(&self, i: u32) -> bool;
+    /// The writer: what is to be said of a node's split, its neighbours being these.
+    fn truth_told(&self, i: u32, about: &[u32]) -> Option<Told>;
+    /// Has the children from now on; gives the first.
+    fn told(&mut self, i: u32, told: &Told) -> Result<u32, ProtocolError>;
+}
+
+/// The server's end.
+pub(crate) struct Sending<'a> {
+    pub(crate) writing: Writing<'a>,
+    /// The front after the packet, and its splits.
+    pub(crate) tags: &'a ActiveTags,
+    pub(crate) new: &'a HashSet<u32>,
+    /// No bounds are told.
+    pub(crate) cuts_only: bool,
+}
+
+impl Sending<'_> {
+    /// The node above a leaf that has no children at the other end yet.
+    fn active(&self, leaf: u32) -> Option<u32> {
+        let h = self.writing.model.hierarchy();
+        let mut at = h.active_ancestor(leaf, |n| self.tags.contains(n))?;
+        loop {
+            let parent = h.node(at)?.parent;
+            if parent == NONE || !self.new.contains(&parent) || self.writing.done.contains(&parent) {
+                return Some(at);
+            }
+            at = parent;
+        }
+    }
+    fn active_cuts(&self, i: u32) -> [Option<u32>; 2] {
+        let cuts = self.writing.model.hierarchy().node(i).map_or([NONE; 2], |n| n.cuts);
+        cuts.map(|c| if c == NONE { None } else { self.active(c) })
+    }
+}
+
+impl Side for Sending<'_> {
+    fn roots(&self) -> u32 {
+        self.writing.roots()
+    }
+    fn child(&self, i: u32) -> Option<u32> {
+        self.writing.child(i)
+    }
+    fn parent(&self, i: u32) -> Option<u32> {
+        self.writing.parent(i)
+    }
+    fn id(&self, i: u32) -> NodeId {
+        self.writing.id(i)
+    }
+    fn row(&self, i: u32) -> [i32; 3] {
+        self.writing.row(i)
+    }
+    fn bounds(&self, i: u32) -> Bounds {
+        let own = self.writing.bounds(i);
+        if !self.cuts_only || own.is_leaf() || i < self.roots() {
+            return own;
+        }
+        // What the other end takes them for.
+        let (mut at, mut steps) = (i, 0);
+        while let Some(parent) = self.parent(at) {
+            (at, steps) = (parent, steps + 1);
+        }
+        (0..steps).fold(self.writing.bounds(at), |b, _| assumed(&b))
+    }
+    fn cuts(&self, i: u32) -> [Option<NodeId>; 2] {
+        self.writing.cuts(i)
+    }
+    fn is_wanted(&self, i: u32) -> bool {
+        self.writing.is_wanted(i)
+    }
+    fn truth(&self, i: u32) -> Option<Split> {
+        self.writing.truth(i)
+    }
+    fn add(&mut self, i: u32, split: &Split) -> Result<u32, ProtocolError> {
+        self.writing.add(i, split)
+    }
+    fn grid(&self) -> &Quantisation {
+        self.writing.grid()
+    }
+    fn unit(&self) -> f64 {
+        self.writing.unit()
+    }
+}
+
+impl Known for Sending<'_> {
+    fn depth(&self, i: u32) -> u32 {
+        std::iter::successors(self.parent(i), |&p| self.parent(p)).count() as u32
+    }
+    fn neighbours(&mut self, i: u32, out: &mut Vec<u32>) -> bool {
+        self.writing.model.hierarchy().neighbours(i, |leaf| self.active(leaf), out)
+    }
+    fn waits(&self, i: u32) -> bool {
+        matches!(self.active_cuts(i), [Some(a), Some(b)] if a == b)
+    }
+    fn truth_told(&self, i: u32, about: &[u32]) -> Option<Told> {
+        let (h, cuts) = (self.writing.model.hierarchy(), self.active_cuts(i));
+        let child = h.node(i)?.child;
+        // One that is not there is nothing that could be said, and an error.
+        let places = cuts.map(|c| c.map(|c| about.iter().position(|&w| w == c).unwrap_or(about.len()) as u32));
+        let ring = RingSplit { cuts: places, place: self.row(child + 1) };
+        let bounds = [child, child + 1].map(|c| h.node(c).map_or(Bounds::default(), |n| n.bounds));
+        Some(Told { ring, cuts, bounds })
+    }
+    fn told(&mut self, i: u32, _: &Told) -> Result<u32, ProtocolError> {
+        self.writing.done.insert(i);
+        Ok(self.writing.model.hierarchy().nodes()[i as usize].child)
+    }
+}
+
+impl Known for Reading<'_> {
+    fn depth(&self, i: u32) -> u32 {
+        self.front.depth(i)
+    }
+    fn neighbours(&mut self, i: u32, out: &mut Vec<u32>) -> bool {
+        self.front.neighbours(i, out)
+    }
+    fn waits(&self, _: u32) -> bool {
+        false
+    }
+    fn truth_told(&self, _: u32, _: &[u32]) -> Option<Told> {
+        None
+    }
+    fn told(&mut self, i: u32, told: &Told) -> Result<u32, ProtocolError> {
+        let cuts = told.cuts.map(|c| c.map(|c| self.front.id(c)));
+        let position = self.grid.position_of_row(told.ring.place);
+        self.add(i, &Split { id: self.front.id(i), cuts, position, bounds: told.bounds })
+    }
+}
+
+/// Class of a node by its radius.
+pub(crate) fn size_of_node<S: Side + ?Sized>(side: &S, i: u32) -> usize {
+    let step = if side.grid().position_bits.is_some() { side.grid().position_step } else { 1.0 };
+    let steps = Bounds::length(side.bounds(i).radius, side.unit()) / step;
+    (32 - (steps.min(1e9) as u32).leading_zeros()).min(SIZES as u32 - 1) as usize
+}
+
+/// What a child's bounds are taken for where none are sent: its radius gets smaller from step to step, its error is not known.
+pub(crate) fn assumed(parent: &Bounds) -> Bounds {
+    Bounds { radius: parent.radius.saturating_sub(2).max(1), uniform: 1, angle: Bounds::NO_CONE, ..Default::default() }
 }

@@ -1,7 +1,7 @@
 //! What every client has, wherever splits come from: a front that follows a view, within limits.
 
+use crate::base::Base;
 use crate::error::ProtocolError;
-use crate::message::Base;
 use pmesh_codec::pmesh::Quantisation;
 use pmesh_core::hierarchy::{Allowance, Front, Progress, UnderWay, View};
 
@@ -23,7 +23,9 @@ impl Default for Limits {
 
 /// Bytes that a triangle of a front takes at most, what is above the front included: half a node of the front, and as much above it.
 const TRIANGLE_BYTES: usize = 100;
-/// The same of a split.
+/// The same with the mesh of all that is known, which may be as large.
+const FOLLOWED_BYTES: usize = TRIANGLE_BYTES + 36;
+/// Bytes of a split, without that.
 pub(crate) const SPLIT_BYTES: usize = 2 * TRIANGLE_BYTES;
 
 /// Most splits for each byte that came. Real ones take some six bytes, or ten.
@@ -58,7 +60,8 @@ impl Viewer {
     /// Looks at up to `budget` nodes, and refines what is too coarse for the view that the limits allow, which it gives, too.
     pub(crate) fn refine(&mut self, view: &View, budget: u32) -> Result<(View, Progress), ProtocolError> {
         let view = self.allowance.view(view);
-        let limit = self.limits.triangles.min(self.limits.memory / 2 / TRIANGLE_BYTES).max(1);
+        let each = if self.front.follows_cuts() { FOLLOWED_BYTES } else { TRIANGLE_BYTES };
+        let limit = self.limits.triangles.min(self.limits.memory / 2 / each).max(1);
         self.front.limit_triangles(limit);
         let progress = self.front.refine(&view, budget)?;
         let leaving = self.front.under_way().leaving;

@@ -135,7 +135,7 @@ fn e7_a_link_that_breaks_every_second_loses_nothing_but_what_was_under_way() {
     let view = lap(&model, 4)[0];
     let mut ideal = World::new(&model, 0.0, f64::INFINITY);
     ideal.settle(&view);
-    let mut world = World::new(&model, 0.1, 10_000.0);
+    let mut world = World::new(&model, 0.1, 5_000.0);
     let mut breaks = 0;
     let mut next = 1.0;
     while !world.tick(&view) {
@@ -150,6 +150,6 @@ fn e7_a_link_that_breaks_every_second_loses_nothing_but_what_was_under_way() {
     assert!(breaks > 2);
     assert_eq!(shown(&world.client), shown(&ideal.client));
     assert_eq!(world.client.splits(), ideal.client.splits(), "none twice");
-    // At most what fits the pipe: a fifth of a second's bytes, and a packet.
-    assert!(sent - world.client.splits() < breaks * (10_000 / 5 / 8 + 100));
+    // At most what fits the pipe: a fifth of a second's bytes, two and a half of which are a split here, and a packet.
+    assert!(sent - world.client.splits() < breaks * (5_000 / 5 * 2 / 5 + 100));
 }

@@ -132,7 +132,8 @@ fn limits_are_kept_by_a_coarser_tolerance_and_by_forgetting() {
     let few = free.front().triangles() / 3;
     tight.set_limits(Limits { memory, triangles: few });
     talk(&mut tight, &mut session, &model, &views[0], &mut u64::MAX.clone());
-    assert!(tight.front().triangles() <= few + 20 && tight.viewer().allowance() > 0);
+    let (triangles, allowance) = (tight.front().triangles(), tight.viewer().allowance());
+    assert!(triangles <= few + 20 && allowance > 0, "{triangles} of {few}, {allowance}");
 }
 
 #[test]

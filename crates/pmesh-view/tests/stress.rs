@@ -127,7 +127,12 @@ fn is_right(front: &Front, model: &Model) {
         let all = h.find(front.id(i)).expect("it is there");
         assert_eq!((known.position, known.bounds), (h.position(all), h.nodes()[all as usize].bounds));
         if known.child != NONE {
-            assert_eq!(known.cuts, h.nodes()[all as usize].cuts.map(|c| (c != NONE).then(|| h.id(c).expect("a leaf"))));
+            let cuts = h.nodes()[all as usize].cuts.map(|c| (c != NONE).then(|| h.id(c).expect("a leaf")));
+            for (own, whole) in known.cuts.into_iter().zip(cuts) {
+                // Whole, or as far as the client knows the way.
+                let is_end = |c| front.find(c).and_then(|n| front.node(n)).is_some_and(|n| n.child == NONE);
+                assert!(own == whole || own.zip(whole).is_some_and(|(o, w)| o.is_above(w) && is_end(o)), "{own:?} {whole:?}");
+            }
         }
     }
 }

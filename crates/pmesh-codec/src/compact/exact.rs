@@ -50,6 +50,10 @@ impl ExactModel {
         }
     }
 
+    /// Bytes of the tables.
+    pub(super) fn memory_bytes(&self) -> usize {
+        self.hit.memory_bytes() + size_of::<[Odds; 2]>() * self.off.len()
+    }
     /// The candidate that most others agree with, among those within `reach` of the prediction.
     pub(super) fn guess(&mut self, star: &Star, predicted: P, reach: P) -> Option<Guess> {
         let k = star.ring.len();

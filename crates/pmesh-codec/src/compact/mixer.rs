@@ -76,6 +76,11 @@ impl<const N: usize> Mixer<N> {
         let odds = sizes.iter().map(|&n| vec![Odds::default(); n]).collect();
         Self { weights: vec![[weight; N]; sets], opinions: vec![opinion; sets], odds }
     }
+    /// Bytes of the tables.
+    pub(super) fn memory_bytes(&self) -> usize {
+        let odds: usize = self.odds.iter().map(Vec::len).sum();
+        size_of::<Odds>() * odds + 4 * (N + 1) * self.opinions.len()
+    }
     /// Codes a yes or no. `opinion` is a probability of yes in the logistic domain.
     pub(super) fn code(&mut self, coder: &mut impl Coder, set: usize, at: [usize; N], opinion: f32, bit: bool) -> bool {
         let mut inputs = [0.0; N];

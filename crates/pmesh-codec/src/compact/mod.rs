@@ -16,6 +16,7 @@ mod mixer;
 mod number;
 mod options;
 mod place;
+mod ring;
 mod sharpen;
 mod site;
 mod truth;
@@ -24,6 +25,7 @@ mod vector;
 pub use center::Side;
 pub use encode::{CompactReport, CompactStream, Removed, encode, seams};
 pub use level::Spent;
+pub use ring::{Ring, RingModel, RingSplit, RingVertex};
 
 use crate::pmesh::header::Container;
 use crate::refine::decode::RefinementDecoder;

@@ -24,6 +24,9 @@ impl Calibration {
         let said = |i: usize| squash(0.5 * i as f32 - 8.0);
         Self { points: (0..AXES * WIDTHS * KINDS * POINTS).map(|i| (said(i % POINTS), 20)).collect() }
     }
+    pub(super) fn memory_bytes(&self) -> usize {
+        size_of::<(f32, u32)>() * self.points.len()
+    }
     /// Codes a yes or no that is said to be as likely as `yes`.
     #[inline(always)]
     fn code<C: Coder>(&mut self, coder: &mut C, set: usize, yes: f32, bit: bool) -> bool {

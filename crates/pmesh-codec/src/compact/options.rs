@@ -188,6 +188,11 @@ impl WayModel {
         }
     }
 
+    /// Bytes of the tables.
+    pub(super) fn memory_bytes(&self) -> usize {
+        let no: usize = self.no.iter().map(Vec::len).sum();
+        size_of::<Roles>() * self.kind.len() + 4 * (self.arc.len() + no)
+    }
     /// Weighs all ways of `c`, as far as the question needs it whether there is a split. O(neighbours²).
     pub(super) fn weigh(&self, c: &Center, out: &mut Ways) {
         let around = c.neighbours();

@@ -112,6 +112,10 @@ impl PlaceModel {
             plane_width: Width::new(0.5),
         }
     }
+    /// Bytes of the tables.
+    pub(super) fn memory_bytes(&self) -> usize {
+        self.calibration.memory_bytes() + self.exact.memory_bytes()
+    }
     pub(super) fn begin_level(&mut self, coder: &mut impl Coder) {
         self.exact.begin_level(coder);
         self.normal.loosen();

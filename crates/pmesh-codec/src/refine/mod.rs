@@ -17,7 +17,7 @@ use rows::Rows;
 
 /// Most vertices and triangles that a block of `bytes` may announce. Real ones have one or two a byte.
 pub(crate) fn item_limit(bytes: u32) -> u64 {
-    (u64::from(bytes) + 64) * 64
+    (u64::from(bytes) + 64) * crate::ITEM_LIMIT as u64
 }
 
 /// How the levels after the base are coded.

@@ -1,6 +1,7 @@
 //! What a client knows of a hierarchy, and its front: nodes one on each way down, with the mesh that they make.
 
 use super::geomorph::Geomorphs;
+use super::known::KnownMesh;
 use super::{Bounds, FrontMesh, HierarchyError, NONE, NodeId, View};
 
 /// A split as it arrives: the children of a node.
@@ -85,6 +86,8 @@ pub struct Front {
     /// Triangles beyond which nothing is split.
     limit: usize,
     pub(super) geomorphs: Option<Geomorphs>,
+    /// The mesh of all that is known, if cuts are told by it.
+    pub(super) whole: Option<KnownMesh>,
 }
 
 /// Most splits that stand in each other's way. Real ones are a few.
@@ -242,6 +245,9 @@ impl Front {
             return Err(HierarchyError::NotFinite);
         }
         let child = self.known.len() as u32;
+        if self.whole.is_some() {
+            self.learn_whole(i, split)?;
+        }
         let own = &mut self.known[i as usize];
         own.child = child;
         let (red, depth) = (own.vertex, own.depth + 1);
@@ -392,7 +398,8 @@ impl Front {
     pub fn memory_bytes(&self) -> usize {
         let known = size_of::<Known>() * self.known.len() + (size_of::<[NodeId; 2]>() + 8) * self.cuts.len();
         let lists = 12 * self.positions.len() + 4 * self.front.len();
-        known + lists + self.mesh.memory_bytes() + self.geomorphs.as_ref().map_or(0, Geomorphs::memory_bytes)
+        let whole = self.whole.as_ref().map_or(0, KnownMesh::memory_bytes);
+        known + lists + whole + self.mesh.memory_bytes() + self.geomorphs.as_ref().map_or(0, Geomorphs::memory_bytes)
     }
 
     /// Follows a view (E.13): looks at up to `budget` nodes of the front, going on where the last call stopped; splits what is too coarse, collapses what is needlessly

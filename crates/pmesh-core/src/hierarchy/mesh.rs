@@ -136,6 +136,20 @@ impl FrontMesh {
         let start = self.surface.corner_of.get(v as usize).copied().filter(|&c| c != NONE);
         start.into_iter().flat_map(|c| self.surface.around(c)).map(|c| self.surface.triangles[c as usize / 3])
     }
+    /// Corners at a vertex and the vertices about it, counter-clockwise; the corner that it begins at if they close. O(valence).
+    pub(super) fn fan(&mut self, v: u32) -> (&[u32], &[u32], bool) {
+        let start = self.surface.corner_of.get(v as usize).copied().unwrap_or(NONE);
+        self.own.gather(&self.surface, start);
+        (&self.own.corners, &self.own.vertices, self.own.closed)
+    }
+    /// Fans begin there from now on.
+    pub(super) fn begin_at(&mut self, v: u32, corner: u32) {
+        self.surface.corner_of[v as usize] = corner;
+    }
+    /// The same mesh, that nobody draws.
+    pub(super) fn undrawn(&self) -> Self {
+        Self { changes: None, ..self.clone() }
+    }
     /// Renames vertices and triangles; `None` drops them, which no shown triangle may need. O(all).
     pub(super) fn rename(
         &mut self,

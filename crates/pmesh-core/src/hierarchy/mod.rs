@@ -9,10 +9,12 @@
 
 mod allowance;
 mod bounds;
+mod finest;
 mod forget;
 mod front;
 mod geomorph;
 mod id;
+mod known;
 mod mesh;
 mod tree;
 mod view;

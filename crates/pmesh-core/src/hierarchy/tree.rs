@@ -1,5 +1,6 @@
 //! All of a hierarchy, as a server has it: static, shared by its sessions.
 
+use super::finest::Finest;
 use super::{Bounds, IdBits, NONE, NodeId};
 use thiserror::Error;
 
@@ -58,6 +59,7 @@ pub struct VertexHierarchy {
     depth: u32,
     base_triangles: Vec<[u32; 3]>,
     unit: f64,
+    pub(super) finest: Finest,
 }
 
 impl VertexHierarchy {
@@ -117,7 +119,7 @@ impl VertexHierarchy {
             *cut = node_of[*cut as usize];
         }
         let depth = depths.into_iter().max().unwrap_or(0);
-        Ok(Self { nodes, positions, roots: base.len() as u32, depth, base_triangles, unit: 0.0 })
+        Ok(Self { nodes, positions, roots: base.len() as u32, depth, base_triangles, ..Default::default() })
     }
 
     /// Gives each node its bounds, in the unit of their lengths (positive, finite).
@@ -130,6 +132,33 @@ impl VertexHierarchy {
         Ok(())
     }
 
+    /// Numbers the roots anew: `order` has their old numbers, `triangles` those of the base mesh in the new ones. What [`Self::set_triangles`] took up is dropped. O(n). Errors: an order that is none, triangles of other
+    /// roots.
+    pub fn sort_roots(&mut self, order: &[u32], triangles: Vec<[u32; 3]>) -> Result<(), HierarchyError> {
+        let roots = self.roots as usize;
+        let mut number = vec![NONE; roots];
+        for (new, &old) in order.iter().enumerate() {
+            match number.get_mut(old as usize).filter(|n| **n == NONE) {
+                Some(n) => *n = new as u32,
+                None => return Err(HierarchyError::BadVertex { collapse: 0, vertex: old }),
+            }
+        }
+        if order.len() != roots {
+            return Err(HierarchyError::BadVertex { collapse: 0, vertex: roots as u32 });
+        }
+        if let Some(t) = triangles.iter().position(|t| t.iter().any(|&v| v >= self.roots)) {
+            return Err(HierarchyError::BadTriangle { triangle: t as u32 });
+        }
+        let sorted: Vec<Node> = order.iter().map(|&old| self.nodes[old as usize]).collect();
+        self.nodes[..roots].copy_from_slice(&sorted);
+        let renumber = |i: &mut u32| *i = number.get(*i as usize).copied().unwrap_or(*i);
+        for node in &mut self.nodes {
+            renumber(&mut node.parent);
+            node.cuts.iter_mut().for_each(renumber);
+        }
+        (self.base_triangles, self.finest) = (triangles, Finest::default());
+        Ok(())
+    }
     /// All nodes.
     pub fn nodes(&self) -> &[Node] {
         &self.nodes

@@ -21,7 +21,7 @@ pub fn model_of(mesh: &IndexedMesh, bits: Option<u8>) -> Arc<Model> {
     let grid = Quantisation::fit(&mesh.vertices, bits);
     let mesh = quantise(mesh, bits);
     let stream = collapse_batches(&mesh, BatchOptions::default(), |_| ());
-    Arc::new(Model::new(hierarchy(&mesh, &stream).expect("a hierarchy"), grid).expect("on its grid"))
+    Arc::new(Model::new(hierarchy(&mesh, &stream).expect("a hierarchy"), &mesh.triangles, grid).expect("on its grid"))
 }
 pub fn part() -> (IndexedMesh, Arc<Model>) {
     static PART: OnceLock<(IndexedMesh, Arc<Model>)> = OnceLock::new();
