@@ -10,6 +10,8 @@ use crate::splits::Spent;
 use pmesh_codec::pmesh::{SIGNATURE, VIEWS_VERSION as VERSION};
 use pmesh_core::IndexedMesh;
 use pmesh_core::hierarchy::{Bounds, Front, NONE, VertexHierarchy, View};
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
 
 /// Signature, version, and length of all before the first block.
 const PREAMBLE_BYTES: usize = 8 + 1 + 4;
@@ -270,16 +272,16 @@ pub fn read_model(bytes: &[u8]) -> Result<Model, ProtocolError> {
     let roots = front.root_count();
     let node = |i: u32| front.node(i).ok_or(ProtocolError::Unexpected("a node that is not there"));
     let vertex_of_child = |child: u32| roots + (child - roots) / 2;
-    // Breadth-first, as a hierarchy has its nodes; collapses are the splits from the last.
+    // About as they were collapsed, the last first: what is farthest off splits first.
     let mut order: Vec<u32> = (0..roots).collect();
-    let (mut at, mut splits) = (0, Vec::new());
-    while at < order.len() {
-        let i = order[at];
-        at += 1;
-        let child = node(i)?.child;
+    let mut splits = Vec::new();
+    let rank = |i: u32| node(i).map(|n| (n.bounds.uniform.max(n.bounds.directional), n.bounds.radius, Reverse(i), n.child));
+    let mut next = order.iter().map(|&i| rank(i)).collect::<Result<BinaryHeap<_>, _>>()?;
+    while let Some((_, _, Reverse(i), child)) = next.pop() {
         if child != NONE {
             splits.push((i, child));
             order.extend([child, child + 1]);
+            next.extend([rank(child)?, rank(child + 1)?]);
         }
     }
     // Of each node the vertex that it stands at: a first child stands where its parent does.

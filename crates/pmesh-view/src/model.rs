@@ -2,17 +2,21 @@
 
 use crate::base::{self, Base};
 use crate::error::ProtocolError;
+use crate::sides::Numbers;
 use pmesh_codec::pmesh::Quantisation;
 use pmesh_core::hierarchy::{Bounds, NONE, Node, NodeId, VertexHierarchy};
+use std::collections::HashMap;
+use std::sync::{Mutex, PoisonError};
 
 /// A hierarchy on a grid, ready to be served.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Model {
     hierarchy: VertexHierarchy,
     grid: Quantisation,
     base: Vec<u8>,
     extent: [[f32; 3]; 2],
     fingerprint: u64,
+    rings: Rings,
 }
 
 impl Model {
@@ -67,7 +71,7 @@ impl Model {
         let (base, order) = base::write(&base)?;
         hierarchy.sort_roots(&order.roots, order.triangles)?;
         hierarchy.set_triangles(triangles)?;
-        Ok(Self { base, hierarchy, grid, extent, fingerprint })
+        Ok(Self { base, hierarchy, grid, extent, fingerprint, rings: Rings::default() })
     }
     /// The hierarchy.
     pub fn hierarchy(&self) -> &VertexHierarchy {
@@ -85,6 +89,22 @@ impl Model {
     pub fn extent(&self) -> [[f32; 3]; 2] {
         self.extent
     }
+    /// Nodes about node `i` of a front, as [`VertexHierarchy::neighbours`] has them, or as another session has found them that had the same ones.
+    pub(crate) fn neighbours(
+        &self,
+        i: u32,
+        is_active: impl Fn(u32) -> bool,
+        active: impl Fn(u32) -> Option<u32>,
+        out: &mut Vec<u32>,
+    ) -> bool {
+        // All that is about a node is below those that were found once: if these are in the front, they are what is about it.
+        if let Some(closed) = self.rings.get(i, |w| is_active(w), out) {
+            return closed;
+        }
+        let closed = self.hierarchy.neighbours(i, active, out);
+        self.rings.put(i, closed, out);
+        closed
+    }
     /// The message with the base mesh.
     pub fn base(&self) -> &[u8] {
         &self.base
@@ -96,5 +116,43 @@ impl Model {
     /// Names of a node's cuts.
     pub(crate) fn cuts(&self, i: u32) -> [Option<NodeId>; 2] {
         self.hierarchy.node(i).map_or([None; 2], |n| n.cuts.map(|c| self.hierarchy.id(c)))
+    }
+}
+
+/// Rings that sessions have found, by node: many look at the same.
+#[derive(Debug)]
+struct Rings {
+    shards: Vec<Mutex<HashMap<u32, (bool, Box<[u32]>), Numbers>>>,
+}
+
+/// Nodes whose rings are kept at a time, some 80 bytes each.
+const RINGS_LIMIT: usize = 1 << 17;
+/// Parts with a lock each.
+const SHARDS: usize = 64;
+
+impl Default for Rings {
+    fn default() -> Self {
+        Self { shards: (0..SHARDS).map(|_| Mutex::default()).collect() }
+    }
+}
+
+impl Rings {
+    /// The ring of a node, if there is one of nodes that all are in the front; whether it closes.
+    fn get(&self, i: u32, is_active: impl Fn(u32) -> bool, out: &mut Vec<u32>) -> Option<bool> {
+        let shard = self.shards[i as usize % SHARDS].lock().unwrap_or_else(PoisonError::into_inner);
+        let (closed, ring) = shard.get(&i)?;
+        if !ring.iter().all(|&w| is_active(w)) {
+            return None;
+        }
+        out.clear();
+        out.extend_from_slice(ring);
+        Some(*closed)
+    }
+    fn put(&self, i: u32, closed: bool, ring: &[u32]) {
+        let mut shard = self.shards[i as usize % SHARDS].lock().unwrap_or_else(PoisonError::into_inner);
+        if shard.len() >= RINGS_LIMIT / SHARDS {
+            shard.clear();
+        }
+        shard.insert(i, (closed, ring.into()));
     }
 }

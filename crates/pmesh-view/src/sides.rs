@@ -9,6 +9,26 @@ use pmesh_codec::compact::RingSplit;
 use pmesh_codec::pmesh::Quantisation;
 use pmesh_core::hierarchy::{Bounds, Front, NONE, NodeId, Split};
 use std::collections::HashSet;
+use std::hash::{BuildHasherDefault, Hasher};
+
+/// Hashes numbers of nodes, which are nobody's choice.
+#[derive(Default)]
+pub(crate) struct NumberHasher(u64);
+
+impl Hasher for NumberHasher {
+    fn write(&mut self, bytes: &[u8]) {
+        bytes.iter().for_each(|&b| self.write_u32(b.into()));
+    }
+    fn write_u32(&mut self, i: u32) {
+        self.0 = (self.0 ^ u64::from(i)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    }
+    fn finish(&self) -> u64 {
+        self.0 ^ self.0 >> 32
+    }
+}
+
+pub(crate) type Numbers = BuildHasherDefault<NumberHasher>;
+pub(crate) type NumberSet = HashSet<u32, Numbers>;
 
 /// One end of a packet, while it is written or read: what the client has so far.
 pub(crate) trait Side {
@@ -37,7 +57,7 @@ pub(crate) struct Writing<'a> {
     /// Splits to be written, and what is above them.
     pub(crate) wanted: &'a dyn Fn(u32) -> bool,
     /// Splits that are written.
-    pub(crate) done: HashSet<u32>,
+    pub(crate) done: NumberSet,
     /// Splits that the other end counts on beside these.
     pub(crate) knew: &'a dyn Fn(u32) -> bool,
 }
@@ -99,7 +119,7 @@ pub(crate) struct Scope<'a> {
     /// The blocks above it.
     pub(crate) chain: Vec<u32>,
     /// Nodes whose split has been read.
-    pub(crate) done: HashSet<u32>,
+    pub(crate) done: NumberSet,
 }
 
 impl Side for Reading<'_> {
@@ -173,8 +193,8 @@ pub(crate) trait Known: Side {
     fn depth(&self, i: u32) -> u32;
     /// Nodes about node `i`, counter-clockwise; true if they close.
     fn neighbours(&mut self, i: u32, out: &mut Vec<u32>) -> bool;
-    /// The writer: the node cannot be split yet.
-    fn waits(&self, i: u32) -> bool;
+    /// The writer: the node, its neighbours being these, cannot be split yet.
+    fn waits(&self, i: u32, about: &[u32]) -> bool;
     /// The writer: what is to be said of a node's split, its neighbours being these.
     fn truth_told(&self, i: u32, about: &[u32]) -> Option<Told>;
     /// Has the children from now on; gives the first.
@@ -186,7 +206,7 @@ pub(crate) struct Sending<'a> {
     pub(crate) writing: Writing<'a>,
     /// The front after the packet, and its splits.
     pub(crate) tags: &'a ActiveTags,
-    pub(crate) new: &'a HashSet<u32>,
+    pub(crate) new: &'a NumberSet,
     /// No bounds are told.
     pub(crate) cuts_only: bool,
 }
@@ -204,9 +224,17 @@ impl Sending<'_> {
             at = parent;
         }
     }
-    fn active_cuts(&self, i: u32) -> [Option<u32>; 2] {
-        let cuts = self.writing.model.hierarchy().node(i).map_or([NONE; 2], |n| n.cuts);
-        cuts.map(|c| if c == NONE { None } else { self.active(c) })
+    /// The node has no children at the other end yet, and is there.
+    fn is_active(&self, i: u32) -> bool {
+        let is_to_come = |i: u32| self.new.contains(&i) && !self.writing.done.contains(&i);
+        let parent = self.writing.model.hierarchy().node(i).map_or(NONE, |n| n.parent);
+        (is_to_come(i) || self.tags.contains(i)) && (parent == NONE || !is_to_come(parent))
+    }
+    /// Places of a node's cuts among its neighbours; their number for one that is not there.
+    fn places(&self, i: u32, about: &[u32]) -> [Option<u32>; 2] {
+        let h = self.writing.model.hierarchy();
+        let place = |c: u32| about.iter().position(|&w| h.is_below(c, w)).unwrap_or(about.len()) as u32;
+        h.node(i).map_or([None; 2], |n| n.cuts.map(|c| Some(c).filter(|&c| c != NONE).map(place)))
     }
 }
 
@@ -260,19 +288,20 @@ impl Side for Sending<'_> {
 
 impl Known for Sending<'_> {
     fn depth(&self, i: u32) -> u32 {
-        std::iter::successors(self.parent(i), |&p| self.parent(p)).count() as u32
+        self.writing.model.hierarchy().depth(i)
     }
     fn neighbours(&mut self, i: u32, out: &mut Vec<u32>) -> bool {
-        self.writing.model.hierarchy().neighbours(i, |leaf| self.active(leaf), out)
+        self.writing.model.neighbours(i, |w| self.is_active(w), |leaf| self.active(leaf), out)
     }
-    fn waits(&self, i: u32) -> bool {
-        matches!(self.active_cuts(i), [Some(a), Some(b)] if a == b)
+    fn waits(&self, i: u32, about: &[u32]) -> bool {
+        matches!(self.places(i, about), [Some(a), Some(b)] if a == b)
     }
     fn truth_told(&self, i: u32, about: &[u32]) -> Option<Told> {
-        let (h, cuts) = (self.writing.model.hierarchy(), self.active_cuts(i));
+        let h = self.writing.model.hierarchy();
         let child = h.node(i)?.child;
         // One that is not there is nothing that could be said, and an error.
-        let places = cuts.map(|c| c.map(|c| about.iter().position(|&w| w == c).unwrap_or(about.len()) as u32));
+        let places = self.places(i, about);
+        let cuts = places.map(|c| c.and_then(|c| about.get(c as usize).copied()));
         let ring = RingSplit { cuts: places, place: self.row(child + 1) };
         let bounds = [child, child + 1].map(|c| h.node(c).map_or(Bounds::default(), |n| n.bounds));
         Some(Told { ring, cuts, bounds })
@@ -290,7 +319,7 @@ impl Known for Reading<'_> {
     fn neighbours(&mut self, i: u32, out: &mut Vec<u32>) -> bool {
         self.front.neighbours(i, out)
     }
-    fn waits(&self, _: u32) -> bool {
+    fn waits(&self, _: u32, _: &[u32]) -> bool {
         false
     }
     fn truth_told(&self, _: u32, _: &[u32]) -> Option<Told> {

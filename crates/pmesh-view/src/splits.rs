@@ -10,13 +10,12 @@ use crate::fans::{Fan, FanBounds};
 use crate::message::Packets;
 use crate::model::Model;
 use crate::numbers::{SIZES, number, syntax};
-use crate::sides::{Known, Reading, Sending, Told, Writing, assumed, size_of_node};
+use crate::sides::{Known, NumberSet, Reading, Sending, Told, Writing, assumed, size_of_node};
 use crate::tags::ActiveTags;
 use pmesh_codec::compact::{Ring, RingModel, RingSplit, RingVertex};
 use pmesh_codec::pmesh::Quantisation;
 use pmesh_codec::range::{Chance, Coder, Encoder, RangeDecoder};
 use pmesh_core::hierarchy::{Bounds, Front, NodeId, Split};
-use std::collections::HashSet;
 
 /// Most splits of a packet.
 pub const PACKET_LIMIT: u32 = 1 << 16;
@@ -105,17 +104,17 @@ pub fn split_of(model: &Model, i: u32) -> Split {
 /// Writes a packet of `splits`, nodes whose children the client lacks; `tags` is the front after it. O(splits · (depth + rim)), where the rim is that of a node in the finest mesh. Errors: splits that
 /// cannot be made in any order, as only those are that a client is wrong about.
 pub fn write(models: &mut SplitModels, model: &Model, tags: &ActiveTags, splits: &[u32]) -> Result<Vec<u8>, ProtocolError> {
-    let mut wanted = HashSet::new();
+    let mut wanted = NumberSet::default();
     for &i in splits {
         let mut at = Some(i);
         while let Some(i) = at.filter(|&i| wanted.insert(i)) {
             at = model.hierarchy().node(i).map(|n| n.parent);
         }
     }
-    let new: HashSet<u32> = splits.iter().copied().collect();
+    let new: NumberSet = splits.iter().copied().collect();
     let knew = |i: u32| !tags.contains(i) && !new.contains(&i);
     let wanted = |i: u32| wanted.contains(&i);
-    let writing = Writing { model, wanted: &wanted, done: HashSet::new(), knew: &knew };
+    let writing = Writing { model, wanted: &wanted, done: NumberSet::default(), knew: &knew };
     let mut side = Sending { writing, tags, new: &new, cuts_only: models.cuts_only };
     let mut coder = Encoder::new();
     walk(&mut coder, models, &mut side, splits.len() as u32)?;
@@ -162,7 +161,7 @@ fn walk<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &mut dyn Known, coun
             tree += 1;
         } else {
             let bits = 32 - (waiting.len() as u32).leading_zeros();
-            let ready = if C::ENCODES { waiting.iter().position(|&i| !side.waits(i)).unwrap_or(waiting.len()) } else { 0 };
+            let ready = if C::ENCODES { ready(side, &waiting, &mut m.about) } else { 0 };
             let which = coder.raw(bits, ready as u32) as usize;
             if which >= waiting.len() {
                 return syntax(coder, "splits that wait for each other");
@@ -195,7 +194,8 @@ fn walk<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &mut dyn Known, coun
             if side.bounds(node).is_leaf() || done == announced {
                 return syntax(coder, "a split of a leaf, or one too many");
             }
-            if !matches!(visit, Visit::Waited(_)) && coder.bit(&mut m.waits, side.waits(node)) {
+            m.ring.closed = side.neighbours(node, &mut m.about);
+            if !matches!(visit, Visit::Waited(_)) && coder.bit(&mut m.waits, side.waits(node, &m.about)) {
                 waiting.push(node);
                 continue;
             }
@@ -213,10 +213,19 @@ fn walk<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &mut dyn Known, coun
     Ok(done)
 }
 
-fn code<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &mut dyn Known, i: u32) -> Result<Told, ProtocolError> {
+/// The first that waits no more.
+fn ready(side: &mut dyn Known, waiting: &[u32], about: &mut Vec<u32>) -> usize {
+    let is_ready = |&i: &u32| {
+        side.neighbours(i, about);
+        !side.waits(i, about)
+    };
+    waiting.iter().position(is_ready).unwrap_or(waiting.len())
+}
+
+/// Codes the split of a node whose neighbours are at hand.
+fn code<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &dyn Known, i: u32) -> Result<Told, ProtocolError> {
     let (own, bounds, size) = (side.row(i), side.bounds(i), size_of_node(side, i));
-    let mut about = std::mem::take(&mut m.about);
-    m.ring.closed = side.neighbours(i, &mut about);
+    let about = std::mem::take(&mut m.about);
     let truth = side.truth_told(i, &about);
     let step = if side.grid().position_bits.is_some() { side.grid().position_step } else { 0.0 };
     let steps = |code: u8| if step > 0.0 { Bounds::length(code, side.unit()) / step } else { 0.0 };

@@ -5,15 +5,29 @@ use crate::surface::{Surface, next, previous};
 use crate::turned;
 use std::collections::HashMap;
 
-/// Triangles of the finest mesh; leaves by their rank, in the order of a walk: what lies below a node is a range. 24 bytes a triangle, 10 a node.
+/// Triangles of the finest mesh; leaves by their rank, in the order of a walk: what lies below a node is a range. 24 bytes a triangle, 17 a node.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Finest {
     surface: Surface,
     leaf_of_rank: Vec<u32>,
+    /// The node above each, or [`NONE`]: ways up look at nothing else.
+    parents: Vec<u32>,
+    depths: Vec<u8>,
     /// The ranks below each node: the first, and the one behind the last.
     below: Vec<[u32; 2]>,
     /// A triangle at each root, and one that came with each split.
     begins: Vec<u32>,
+}
+
+impl Finest {
+    /// The node above one, if [`VertexHierarchy::set_triangles`] was called; [`NONE`] above a root.
+    #[inline]
+    pub(super) fn parent(&self, i: u32) -> Option<u32> {
+        self.parents.get(i as usize).copied()
+    }
+    pub(super) fn depth(&self, i: u32) -> u32 {
+        self.depths.get(i as usize).map_or(0, |&d| d.into())
+    }
 }
 
 impl VertexHierarchy {
@@ -47,12 +61,19 @@ impl VertexHierarchy {
         let mut of_base = vec![NONE; base.triangles.len()];
         let mut begins = vec![NONE; roots + (nodes.len() - roots) / 2];
         let mut kept = Vec::with_capacity(triangles.len());
+        let mut sorted = Vec::with_capacity(triangles.len());
         for (number, triangle) in triangles.iter().enumerate().filter(|(_, [a, b, c])| a != b && b != c && c != a) {
             let bad = HierarchyError::BadTriangle { triangle: number as u32 };
             let ranks = triangle.map(|v| rank_of_vertex.get(v as usize).copied().unwrap_or(NONE));
             if ranks.contains(&NONE) {
                 return Err(bad);
             }
+            sorted.push((ranks, number as u32));
+        }
+        // What lies together is looked at together.
+        sorted.sort_unstable_by_key(|(ranks, number)| (ranks.iter().min().copied(), *number));
+        for (ranks, number) in sorted {
+            let bad = HierarchyError::BadTriangle { triangle: number };
             let t = kept.len() as u32;
             kept.push(ranks);
             let leaves = ranks.map(|r| leaf_of_rank[r as usize]);
@@ -118,14 +139,24 @@ impl VertexHierarchy {
                 }
             }
         }
-        self.finest = Finest { surface, leaf_of_rank, below, begins };
+        let parents: Vec<u32> = nodes.iter().map(|n| n.parent).collect();
+        let mut depths = vec![0u8; nodes.len()];
+        for i in roots..nodes.len() {
+            depths[i] = depths[parents[i] as usize].saturating_add(1);
+        }
+        self.finest = Finest { surface, leaf_of_rank, parents, depths, below, begins };
         Ok(())
+    }
+    /// True if a leaf lies below a node, or is it. O(1), after [`Self::set_triangles`].
+    pub fn is_below(&self, leaf: u32, node: u32) -> bool {
+        let ranges = [leaf, node].map(|i| self.finest.below.get(i as usize));
+        matches!(ranges, [Some(leaf), Some(node)] if is_in(leaf[0], *node))
     }
     /// Nodes about node `i` of a front, counter-clockwise, and whether they close; `active` gives the front's node above a leaf. Begins where [`super::Front::neighbours`] does. Nothing if `i` is not in the front
     /// or has no triangles. O(triangles of the finest mesh along its rim, valence · depth).
     pub fn neighbours(&self, i: u32, active: impl Fn(u32) -> Option<u32>, out: &mut Vec<u32>) -> bool {
         out.clear();
-        let Finest { surface: s, leaf_of_rank, below, begins } = &self.finest;
+        let Finest { surface: s, leaf_of_rank, below, begins, .. } = &self.finest;
         let roots = self.root_count();
         let Some(&own) = below.get(i as usize) else { return false };
         let begin = match self.nodes()[i as usize].parent {

@@ -210,8 +210,12 @@ impl VertexHierarchy {
     pub fn active_ancestor(&self, i: u32, is_active: impl Fn(u32) -> bool) -> Option<u32> {
         let mut at = i;
         while !is_active(at) {
-            at = self.node(at)?.parent;
+            at = self.finest.parent(at).or_else(|| Some(self.node(at)?.parent))?;
         }
         Some(at)
+    }
+    /// Steps from the root to a node. O(1), after [`Self::set_triangles`].
+    pub fn depth(&self, i: u32) -> u32 {
+        self.finest.depth(i)
     }
 }
