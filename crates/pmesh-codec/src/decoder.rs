@@ -120,6 +120,10 @@ impl Sniffer {
                     "a file for views: <p-mesh src=\"…\" view-dependent> shows it, pmesh decode makes a mesh of it".into();
                 return Err(DecodeError::Syntax { place: Place::Byte(signature.len() as u64), message });
             }
+            if seen.get(signature.len()) == Some(&crate::pmesh::OLD_VIEWS_VERSION) {
+                let message = "a file for views of an earlier version: encode the mesh once more, by pmesh encode MESH -o FILE.pmesh --profile views".into();
+                return Err(DecodeError::Syntax { place: Place::Byte(signature.len() as u64), message });
+            }
             return Ok(seen.get(signature.len()).map(|&version| match version {
                 crate::pmesh::VERSION => Box::new(PmeshDecoder::new()) as Box<_>,
                 // The newest, which refuses what is newer still.

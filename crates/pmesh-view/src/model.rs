@@ -98,7 +98,7 @@ impl Model {
         out: &mut Vec<u32>,
     ) -> bool {
         // All that is about a node is below those that were found once: if these are in the front, they are what is about it.
-        if let Some(closed) = self.rings.get(i, |w| is_active(w), out) {
+        if let Some(closed) = self.rings.get(i, is_active, out) {
             return closed;
         }
         let closed = self.hierarchy.neighbours(i, active, out);
@@ -119,10 +119,13 @@ impl Model {
     }
 }
 
-/// Rings that sessions have found, by node: many look at the same.
+/// Rings by node, and whether they close.
+type Shard = HashMap<u32, (bool, Box<[u32]>), Numbers>;
+
+/// Rings that sessions have found: many look at the same.
 #[derive(Debug)]
 struct Rings {
-    shards: Vec<Mutex<HashMap<u32, (bool, Box<[u32]>), Numbers>>>,
+    shards: Vec<Mutex<Shard>>,
 }
 
 /// Nodes whose rings are kept at a time, some 80 bytes each.
