@@ -2,16 +2,13 @@
 
 import { ATTRIBUTES, PROPERTIES, parseColor, reflectAttributes } from "./pmesh-attributes.js";
 import { OrbitCamera, attachControls } from "./pmesh-controls.js";
-import { decodeImage } from "./pmesh-image.js";
-import { PMeshLoader } from "./pmesh-loader.js";
+import { LevelPlayer } from "./pmesh-level-player.js";
 import * as runtime from "./pmesh-runtime.js";
 import { TEMPLATE } from "./pmesh-template.js";
 import { ViewPlayer } from "./pmesh-view-player.js";
 
 export { OrbitCamera };
 
-/** Seconds in which a new level is morphed in. */
-const MORPH_SECONDS = 0.3;
 /** Largest side of a picture, device pixels. */
 const MAX_PIXELS = 4096;
 /** Radians a second of auto-rotate. */
@@ -106,8 +103,7 @@ export class PMeshElement extends HTMLElement {
   #root;
   #canvas;
   #context;
-  #loader = null;
-  /** Instead of a loader, for models that are refined where they are looked at. */
+  /** A LevelPlayer or a ViewPlayer: loads the model, and draws what is wanted of it. */
   #player = null;
   #controls = null;
   #resizes;
@@ -116,17 +112,7 @@ export class PMeshElement extends HTMLElement {
   #visible = false;
   #paused = false;
   #started = false;
-  /** Finest step that may be shown: levels whose levelready was canceled wait for update(). */
-  #allowedStep = -1;
-  /** Finest step whose levelready has been dispatched. */
-  #announcedStep = -1;
-  /** Finest step whose geometry is on the GPU. */
-  #readyStep = 0;
-  /** Step drawn now, fractional while it morphs. */
-  #shownStep = -1;
-  #drawnLevel = null;
   #lastTime = 0;
-  #frameMs = 0;
   #drawing = false;
   #progressDue = false;
   #lastError = null;
@@ -134,9 +120,6 @@ export class PMeshElement extends HTMLElement {
   #settling = [];
   #reported = new Set();
   #background = [0, 0, 0, 0];
-  #imageGeneration = -1;
-  #image = null;
-  #imageFailed = false;
 
   constructor() {
     super();
@@ -176,20 +159,11 @@ export class PMeshElement extends HTMLElement {
     this.#visible = this.#intersectionKnown = false;
     runtime.removeClient(this);
     this.#shareBudget();
-    this.#loader?.stop();
     this.#player?.stop();
     // An element that is only moved to another place keeps what the GPU has.
     queueMicrotask(() => {
-      if (!this.isConnected) this.#release();
+      if (!this.isConnected) this.#player?.release();
     });
-  }
-
-  #release() {
-    const model = this.#loader?.model;
-    this.#imageGeneration = -1;
-    this.#readyStep = 0;
-    if (model) runtime.getRenderer().then((renderer) => renderer.release(model), () => {});
-    this.#player?.release();
   }
 
   attributeChangedCallback(name, before, now) {
@@ -273,46 +247,41 @@ export class PMeshElement extends HTMLElement {
   // ---- loading
 
   #reset() {
-    this.#release();
-    this.#loader?.dispose();
+    this.#player?.release();
     this.#player?.dispose();
-    this.#loader = this.#player = null;
+    this.#player = null;
     this.#started = false;
-    this.#allowedStep = this.#announcedStep = this.#shownStep = -1;
-    this.#readyStep = 0;
-    this.#drawnLevel = null;
-    this.#image = this.#lastError = null;
-    this.#imageFailed = false;
+    this.#lastError = null;
     this.#part(".message").textContent = "";
     this.#part(".frame").classList.remove("shown");
   }
 
-  #makeLoader(src) {
-    const loader = new PMeshLoader(src, {
-      events: (events) => this.#loader === loader && this.#arrived(events),
-      done: () => {
-        if (this.#loader !== loader) return;
+  #makePlayer(src) {
+    const mine = (act) => (value) => this.#player === player && act(value);
+    const tell = (type, detail) => this.dispatchEvent(new CustomEvent(type, { detail }));
+    const told = {
+      wake: mine(() => this.requestRender()),
+      ready: mine((detail) => this.dispatchEvent(new CustomEvent("levelready", { detail, cancelable: true }))),
+      arrived: mine(() => {
+        this.#progressDue = true;
+        this.#reconsider();
+        this.requestRender();
+      }),
+      drawn: mine((detail) => tell("levelchange", detail)),
+      refined: mine((detail) => {
+        this.#progressDue = true;
+        tell("refine", detail);
+      }),
+      loaded: mine(() => {
         this.#sayProgress();
         this.#say(`${this.alt || "Model"}: complete`);
         this.dispatchEvent(new CustomEvent("load"));
-      },
-      failed: (error) => this.#loader === loader && this.#failed(error),
-    });
-    this.#loader = loader;
-    return loader;
-  }
-
-  #makePlayer(src) {
-    const mine = (act) => (value) => this.#player === player && act(value);
-    const player = new ViewPlayer(src, {
-      wake: mine(() => this.requestRender()),
-      refined: mine((detail) => {
-        this.#progressDue = true;
-        this.dispatchEvent(new CustomEvent("refine", { detail }));
       }),
-      loaded: mine(() => this.dispatchEvent(new CustomEvent("load"))),
+      warned: mine((text) => this.#report(text)),
       failed: mine((error) => this.#failed(error)),
-    });
+    };
+    const follows = src !== null && (this.viewDependent || ViewPlayer.plays(src));
+    const player = follows ? new ViewPlayer(src, told) : new LevelPlayer(src && new URL(src, document.baseURI).href, told);
     this.#player = player;
     return player;
   }
@@ -322,16 +291,10 @@ export class PMeshElement extends HTMLElement {
     if (this.#started || !src) return;
     this.#started = true;
     this.#say(`${this.alt || "Model"}: loading`);
-    if (this.viewDependent || ViewPlayer.plays(src)) {
-      const player = this.#makePlayer(src);
-      if (!this.#paused) player.start();
-      runtime.getRenderer().catch((error) => this.#player === player && this.#failed(error));
-      return;
-    }
-    const loader = this.#makeLoader(new URL(src, document.baseURI).href);
-    if (!this.#paused) loader.start();
+    const player = this.#makePlayer(src);
+    player.consider(!this.#paused, this.#wants());
     // The renderer compiles its shaders while the first bytes travel.
-    runtime.getRenderer().catch((error) => this.#loader === loader && this.#failed(error));
+    runtime.getRenderer().catch((error) => this.#player === player && this.#failed(error));
   }
 
   #failed(error) {
@@ -347,77 +310,26 @@ export class PMeshElement extends HTMLElement {
     this.requestRender();
   }
 
-  #arrived(events) {
-    const loader = this.#loader;
-    for (const event of events) {
-      // A listener may have changed src.
-      if (this.#loader !== loader) return;
-      if (event.type === "level") this.#levelReady(event);
-      else if (event.type === "texture") this.#decodeImage(event);
-      else if (event.type === "warning") this.#report(event.text);
-    }
-    this.#progressDue = true;
-    this.#reconsider();
-    this.requestRender();
-  }
-
-  #levelReady(detail) {
-    this.#announcedStep = detail.step;
-    const go = this.dispatchEvent(new CustomEvent("levelready", { detail, cancelable: true }));
-    // Once one is held back, later ones wait with it: levels show in order.
-    if (go && this.#allowedStep === detail.step - 1) this.#allowedStep = detail.step;
-  }
-
-  async #decodeImage({ mime, bytes }) {
-    const loader = this.#loader;
-    try {
-      const image = await decodeImage(bytes, mime, () => this.#loader === loader);
-      if (!image) return;
-      this.#image = image;
-      this.#imageGeneration = -1;
-      this.requestRender();
-    } catch (error) {
-      if (this.#loader !== loader) return;
-      this.#imageFailed = true;
-      this.#failed({ code: "bad-image", message: `the base-colour image cannot be decoded: ${error.message}` });
-    }
-  }
-
-  #imageOnItsWay() {
-    const end = this.info?.textureEndByte;
-    if (!end || this.#image || this.#imageFailed) return false;
-    return this.bytes >= end || this.#loader.running;
-  }
-
-  /** Level that is wanted now: the page's, or the coarsest that satisfies what limits there are. */
-  #wantedLevel() {
-    const model = this.#loader?.model;
-    let level = Math.max(0, this.level ?? 0);
-    if (!model) return level;
-    const limit = Math.min(this.maxTriangles ?? Infinity, runtime.budgetShare(this));
-    if (limit < Infinity) level = Math.max(level, model.levelForTriangles(limit));
-    if (this.autoLevel !== null && this.level === null) level = Math.max(level, model.levelForPixels(this.autoLevel, this.#view()));
-    return level;
+  /** What the page asks of a player. */
+  #wants() {
+    return {
+      level: this.level,
+      autoLevel: this.autoLevel,
+      screenError: this.screenError ?? 1,
+      maxTriangles: Math.min(this.maxTriangles ?? Infinity, runtime.budgetShare(this)),
+      maxMemory: this.maxMemory,
+      morph: !prefersStillness(),
+      frozen: this.frozen,
+      view: this.#view(),
+    };
   }
 
   /** Stops or resumes the download as what is wanted and what is visible say. */
   #reconsider() {
-    const loader = this.#loader;
-    if (this.#player && this.isConnected) {
-      if (this.#paused || (!this.#visible && this.#intersectionKnown)) this.#player.stop();
-      else this.#player.start();
-      return;
-    }
-    if (!loader || !this.isConnected) return;
-    const model = loader.model;
-    const info = model?.info;
-    const enough =
-      info?.levels && !model.isWhole && model.arrivedLevels > 0 && model.finestLevel <= this.#wantedLevel() &&
-      model.bytes >= (info.textureEndByte ?? 0);
+    if (!this.#player || !this.isConnected) return;
     // Until the first report of the observer an element counts as near.
     const hidden = !this.#visible && this.#intersectionKnown;
-    if (this.#paused || enough || hidden) loader.stop();
-    else loader.start();
+    this.#player.consider(!this.#paused && !hidden, this.#wants());
   }
   #intersectionKnown = false;
 
@@ -444,8 +356,7 @@ export class PMeshElement extends HTMLElement {
     this.requestRender();
   }
   rendererRestored() {
-    this.#imageGeneration = -1;
-    this.#readyStep = 0;
+    this.#player?.restore();
     this.requestRender();
   }
 
@@ -475,31 +386,9 @@ export class PMeshElement extends HTMLElement {
     return { width, height, yaw, pitch, zoom };
   }
 
-  /** Moves the shown step towards the wanted one; true while it is on its way. */
-  #morph(seconds) {
-    const model = this.#loader.model;
-    const count = model.levelCount;
-    // What is not on the GPU yet is not morphed to, or the morph would be over when it gets there.
-    const ready = Math.max(this.#readyStep, Math.ceil(this.#shownStep));
-    const newest = Math.min(this.#allowedStep, model.arrivedLevels - 1, ready);
-    const wanted = Math.max(0, Math.min(newest, count - 1 - this.#wantedLevel()));
-    const still = this.level !== null || this.#shownStep < 0 || prefersStillness();
-    if (still) {
-      this.#shownStep = wanted;
-      return false;
-    }
-    const left = wanted - this.#shownStep;
-    // At least a step a MORPH_SECONDS; all that is left within one, however many came at once.
-    const step = (Math.max(1, Math.abs(left)) * seconds) / MORPH_SECONDS;
-    this.#shownStep = Math.abs(left) <= step ? wanted : this.#shownStep + Math.sign(left) * step;
-    return this.#shownStep !== wanted;
-  }
-
   async #draw(time) {
-    const model = this.#loader?.model;
     const player = this.#player;
-    const something = player ? player.model : model && model.arrivedLevels > 0 && this.#allowedStep >= 0;
-    if (!something || !this.#visible || this.#drawing) return;
+    if (!player?.isHere || !this.#visible || this.#drawing) return;
     let renderer;
     this.#drawing = true;
     try {
@@ -510,58 +399,27 @@ export class PMeshElement extends HTMLElement {
     } finally {
       this.#drawing = false;
     }
-    if (!renderer || this.#loader?.model !== model || this.#player !== player || !this.isConnected) return;
+    if (!renderer || this.#player !== player || !this.isConnected) return;
     const seconds = Math.min(0.1, Math.max(0, (time - this.#lastTime) / 1000));
     this.#lastTime = time;
     const turning = this.hasAttribute("auto-rotate") && !prefersStillness();
-    if (turning) this.camera.turn(ROTATE_SPEED * seconds, 0);
-    if (player) {
-      this.#drawView(renderer, player, turning);
-      if (turning) this.requestRender();
-      return;
+    if (turning) {
+      this.camera.turn(ROTATE_SPEED * seconds, 0);
+      this.requestRender();
     }
-    const moving = this.#morph(seconds);
-    const started = performance.now();
-    let result;
     try {
-      this.#uploadImage(renderer, model);
-      result = runtime.drawTo(renderer, model, this.#options(model), this.#context);
+      if (!player.frame(renderer, this.#options(), this.#wants(), seconds, { element: this, context: this.#context })) return;
     } catch (error) {
-      this.#failed(error);
-      return;
-    }
-    if (!result) return;
-    this.#frameMs = performance.now() - started;
-    const morphOn = result.readyLevels - 1 > this.#readyStep;
-    this.#readyStep = Math.max(0, result.readyLevels - 1);
-    if (result.level >= 0) this.#drawn(result, renderer);
-    if (!result.complete) runtime.uploadRest(this, model);
-    if (moving || morphOn) this.requestRender();
-    if (moving || morphOn || !result.complete) return;
-    if (!this.#imageOnItsWay()) this.#settling.splice(0).forEach((resolve) => resolve());
-    if (turning) this.requestRender();
-  }
-
-  #drawView(renderer, player, turning) {
-    const limits = {
-      screenError: this.screenError ?? 1,
-      maxTriangles: Math.min(this.maxTriangles ?? Infinity, runtime.budgetShare(this)),
-      maxMemory: this.maxMemory,
-      morph: !prefersStillness(),
-    };
-    try {
-      if (!player.frame(renderer, this.#options(null), limits, this.frozen, this.#context)) return;
-    } catch (error) {
-      player.stop();
       this.#failed(error);
       return;
     }
     this.#part(".frame").classList.add("shown");
-    if (this.debug !== null) this.#part(".debug").textContent = player.overlay(this.frozen).join("\n");
-    if (player.still || this.frozen || turning) this.#settling.splice(0).forEach((resolve) => resolve());
+    if (this.debug !== null) this.#part(".debug").textContent = player.overlay().join("\n");
+    // What follows a camera that turns is never done.
+    if (player.still || (turning && player.stats)) this.#settling.splice(0).forEach((resolve) => resolve());
   }
 
-  #options(model) {
+  #options() {
     const color = getComputedStyle(this).getPropertyValue("--pmesh-color").trim();
     return {
       ...this.#view(),
@@ -569,33 +427,7 @@ export class PMeshElement extends HTMLElement {
       baseColor: (color && this.#parseColor(color, "--pmesh-color")) || [],
       wireframe: this.wireframe,
       representatives: this.debug === "representatives",
-      shownLevel: model ? model.levelCount - 1 - this.#shownStep : undefined,
     };
-  }
-
-  #uploadImage(renderer, model) {
-    if (!this.#image || this.#imageGeneration === runtime.rendererGeneration()) return;
-    const { width, height, pixels } = this.#image;
-    renderer.setImage(model, width, height, pixels);
-    this.#imageGeneration = runtime.rendererGeneration();
-  }
-
-  #drawn({ level, triangles }, renderer) {
-    this.#part(".frame").classList.add("shown");
-    if (level !== this.#drawnLevel) {
-      this.#drawnLevel = level;
-      this.dispatchEvent(new CustomEvent("levelchange", { detail: { level, triangles } }));
-    }
-    if (this.debug !== null) {
-      const total = this.info?.totalBytes;
-      this.#part(".debug").textContent = [
-        `bytes     ${this.bytes.toLocaleString("en")}${total ? ` of ${total.toLocaleString("en")}` : ""}`,
-        `level     ${level.toFixed(2)} of ${this.levelCount}`,
-        `triangles ${triangles.toLocaleString("en")}`,
-        `frame     ${this.#frameMs.toFixed(1)} ms`,
-        `uploaded  ${renderer.uploadedBytes.toLocaleString("en")} bytes`,
-      ].join("\n");
-    }
   }
 
   requestRender() {
@@ -605,30 +437,30 @@ export class PMeshElement extends HTMLElement {
   // ---- the page's interface
 
   get info() {
-    return this.#loader?.model?.info ?? null;
+    return this.#player?.info ?? null;
   }
   get shownLevel() {
-    return this.#drawnLevel;
+    return this.#player?.shownLevel ?? null;
   }
   get levelCount() {
-    return this.#loader?.model?.levelCount ?? 0;
+    return this.#player?.levelCount ?? 0;
   }
   get bytes() {
-    return this.#loader?.model?.bytes ?? this.#player?.stats?.bytesDown ?? 0;
+    return this.#player?.bytes ?? 0;
   }
   get complete() {
-    return this.#loader?.model?.isWhole ?? this.#player?.model?.hasAll ?? false;
+    return this.#player?.complete ?? false;
   }
   get viewStats() {
     return this.#player?.stats ?? null;
   }
   /** Levels whose geometry the last picture could use. */
   get readyLevels() {
-    return this.#readyStep + 1;
+    return this.#player?.readyLevels ?? 1;
   }
   /** The WebAssembly module's Model, once there is one. */
   get model() {
-    return this.#loader?.model ?? null;
+    return this.#player instanceof LevelPlayer ? this.#player.model : null;
   }
 
   setLevel(level) {
@@ -643,14 +475,11 @@ export class PMeshElement extends HTMLElement {
     if (this.getAttribute("src")) {
       throw Object.assign(new Error("an element with src plays its stream: add levels to one without"), { code: "bad-level" });
     }
-    const loader = this.#loader ?? this.#makeLoader(null);
-    const event = (await loader.emptyModel()).addLevel(data);
-    this.#arrived([event]);
-    return event;
+    return (this.#player ?? this.#makePlayer(null)).addLevel(data);
   }
 
   update() {
-    this.#allowedStep = this.#announcedStep;
+    this.#player?.update();
     this.requestRender();
   }
   pause() {
@@ -663,7 +492,7 @@ export class PMeshElement extends HTMLElement {
   }
 
   async toBlob(type = "image/png", quality = undefined) {
-    if ((this.#allowedStep >= 0 || this.#player?.stats) && this.#visible) {
+    if (this.#player?.hasPicture && this.#visible) {
       // The next picture with nothing on its way.
       await new Promise((resolve) => {
         this.#settling.push(resolve);

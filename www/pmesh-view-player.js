@@ -25,6 +25,7 @@ export class ViewPlayer {
   #loaded = false;
   /** Times and counts of splits, for the rate. */
   #rate = [];
+  #frozen = false;
   #frameMs = 0;
 
   /** `tell` has wake(): draw again; refined(stats), loaded(), failed(error). */
@@ -59,10 +60,40 @@ export class ViewPlayer {
   }
   /** The picture stays as it is: nothing is missing, or nobody is there to ask. */
   get still() {
-    return this.#settled || (this.#rests && !this.#views.connected);
+    return this.#frozen || this.#settled || (this.#rests && !this.#views.connected);
   }
-  start() {
-    this.#views.start();
+  /** Nothing of levels here. */
+  get info() {
+    return null;
+  }
+  get shownLevel() {
+    return null;
+  }
+  get levelCount() {
+    return 0;
+  }
+  get readyLevels() {
+    return 1;
+  }
+  update() {}
+  get bytes() {
+    return this.#stats?.bytesDown ?? 0;
+  }
+  get complete() {
+    return this.model?.hasAll ?? false;
+  }
+  /** There is something to be drawn. */
+  get isHere() {
+    return Boolean(this.model);
+  }
+  /** There is a picture, or one is about to be drawn. */
+  get hasPicture() {
+    return this.#stats !== null;
+  }
+  /** Loads what a view needs if it `runs`. */
+  consider(runs) {
+    if (runs) this.#views.start();
+    else this.#views.stop();
   }
   stop() {
     this.#views.stop();
@@ -70,6 +101,8 @@ export class ViewPlayer {
   dispose() {
     this.#views.dispose();
   }
+  /** The GPU has nothing of it: it is asked for in each frame. */
+  restore() {}
   /** Frees what the GPU holds. */
   release() {
     const model = this.model;
@@ -77,35 +110,40 @@ export class ViewPlayer {
   }
 
   /**
-   * A frame: follows the camera unless `frozen`, and draws. Gives true if a picture was drawn; then frames go on until nothing changes.
-   * `limits` has screenError (pixels), maxTriangles, maxMemory (megabytes), morph.
+   * A frame in an element's context: follows the camera unless it is frozen, and draws. Gives true if a picture was drawn; then frames go on until nothing changes.
+   * `wants` has screenError (pixels), maxTriangles, maxMemory (megabytes), morph, frozen.
    */
-  frame(renderer, options, limits, frozen, target) {
+  frame(renderer, options, wants, seconds, { context }) {
     const model = this.model;
     if (!model || model.isEmpty) return false;
     const started = performance.now();
-    if (!frozen) {
-      const { screenError, maxTriangles, maxMemory, morph } = limits;
-      const morphPixels = !morph ? Infinity : this.#shown ? MORPH_PIXELS : FIRST_MORPH_PIXELS;
-      const { splits, collapses, rests } = model.follow({
-        ...options, screenError, maxTriangles, morphPixels,
-        maxMemory: maxMemory === null ? undefined : maxMemory * BYTES_A_MEGABYTE,
-        deadline: started + FOLLOW_MS,
-      });
-      this.#views.pump();
-      this.#rests = rests;
-      this.#settled = rests && !model.isWaiting;
-      this.#shown ||= this.#settled;
-      this.#count(started, splits);
-      this.#say(splits + collapses > 0);
-    } else if (!this.#stats) {
-      this.#say(true);
+    this.#frozen = wants.frozen;
+    try {
+      if (!wants.frozen) this.#follow(model, options, wants, started);
+      else if (!this.#stats) this.#say(true);
+      if (!runtime.drawViewTo(renderer, model, options, context)) return false;
+    } catch (error) {
+      this.stop();
+      throw error;
     }
-    if (!runtime.drawViewTo(renderer, model, options, target)) return false;
     this.#frameMs = performance.now() - started;
     // What is missing wakes us when it comes.
-    if (!this.#rests && !frozen) this.#tell.wake();
+    if (!this.#rests && !wants.frozen) this.#tell.wake();
     return true;
+  }
+  #follow(model, options, { screenError, maxTriangles, maxMemory, morph }, started) {
+    const morphPixels = !morph ? Infinity : this.#shown ? MORPH_PIXELS : FIRST_MORPH_PIXELS;
+    const { splits, collapses, rests } = model.follow({
+      ...options, screenError, maxTriangles, morphPixels,
+      maxMemory: maxMemory === null ? undefined : maxMemory * BYTES_A_MEGABYTE,
+      deadline: started + FOLLOW_MS,
+    });
+    this.#views.pump();
+    this.#rests = rests;
+    this.#settled = rests && !model.isWaiting;
+    this.#shown ||= this.#settled;
+    this.#count(started, splits);
+    this.#say(splits + collapses > 0);
   }
 
   #count(time, splits) {
@@ -127,7 +165,7 @@ export class ViewPlayer {
   }
 
   /** Lines for the debug overlay. */
-  overlay(frozen) {
+  overlay() {
     const s = this.model ? { ...this.#stats, ...this.model.stats } : this.#stats;
     if (!s) return [];
     const n = (x) => Math.round(x).toLocaleString("en");
@@ -140,7 +178,7 @@ export class ViewPlayer {
       ...(s.coarser > 1 ? [`error     ${s.coarser.toFixed(1)} times what was asked for`] : []),
       ...(s.evictions ? [`forgot    ${n(s.evictions)} times`] : []),
       `frame     ${this.#frameMs.toFixed(1)} ms`,
-      ...(frozen ? ["frozen"] : []),
+      ...(this.#frozen ? ["frozen"] : []),
       ...(this.#views.connected ? [] : ["not connected"]),
     ];
   }

@@ -10,12 +10,13 @@ const SAMPLES: [&str; 5] = ["globe", "marble", "knot", "part", "tetrahedra"];
 /// Endings of the streams beside .pmesh; the knot is encoded as each.
 const OTHER_STREAMS: [&str; 5] = ["lod.gz", "slod", "pits", "pfs", "x3d"];
 /// Element files that go into the npm package beside the module.
-const ELEMENT_FILES: [&str; 11] = [
+const ELEMENT_FILES: [&str; 12] = [
     "pmesh-element.js",
     "pmesh-element.d.ts",
     "pmesh-attributes.js",
     "pmesh-controls.js",
     "pmesh-image.js",
+    "pmesh-level-player.js",
     "pmesh-loader.js",
     "pmesh-ranges.js",
     "pmesh-runtime.js",
