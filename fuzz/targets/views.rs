@@ -22,7 +22,7 @@ fn model() -> Arc<Model> {
         let grid = Quantisation::fit(&mesh.vertices, Some(10));
         let mesh = quantise(&mesh, Some(10));
         let stream = collapse_batches(&mesh, BatchOptions::default(), |_| ());
-        Arc::new(Model::new(hierarchy(&mesh, &stream).expect("a hierarchy"), grid).expect("on its grid"))
+        Arc::new(Model::new(hierarchy(&mesh, &stream).expect("a hierarchy"), &mesh.triangles, grid).expect("on its grid"))
     };
     MODEL.get_or_init(make).clone()
 }

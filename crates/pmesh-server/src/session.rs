@@ -84,6 +84,9 @@ async fn talk(socket: &mut WebSocket, shared: &Shared) -> Result<(), End> {
                 if let Some(message) = session.work(most, LOOKS) {
                     send(socket, shared, message).await?;
                 }
+                if session.is_over() {
+                    return Ok(());
+                }
                 tokio::task::yield_now().await;
             }
         }

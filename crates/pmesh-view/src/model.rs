@@ -37,7 +37,7 @@ impl Model {
             let none = b.angle == Bounds::NO_CONE && b.axis == [0; 2] && b.directional == 0 && b.uniform > 0;
             let cone = b.angle < Bounds::NO_CONE && b.uniform >= Bounds::least_uniform(b.directional);
             let inner = (none || cone) && b.radius % 2 == 1 && n.cuts[0] != n.cuts[1];
-            if n.child == NONE { b.is_leaf() } else { inner }
+            if n.child == NONE { b == Bounds::default() } else { inner }
         };
         if !hierarchy.nodes().iter().all(sayable) {
             return Err(ProtocolError::Unexpected("a hierarchy with bounds or cuts that cannot be"));
@@ -101,7 +101,10 @@ impl Model {
         if let Some(closed) = self.rings.get(i, is_active, out) {
             return closed;
         }
-        let closed = self.hierarchy.neighbours(i, active, out);
+        let Some(closed) = self.hierarchy.neighbours(i, active, out) else {
+            out.clear();
+            return false;
+        };
         self.rings.put(i, closed, out);
         closed
     }

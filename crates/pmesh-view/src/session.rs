@@ -41,6 +41,8 @@ pub struct Session {
     again: u32,
     counts: Counts,
     waiting: Vec<u8>,
+    /// The client is wrong about what it has: nothing can be sent any more.
+    is_over: bool,
 }
 
 impl Session {
@@ -64,6 +66,7 @@ impl Session {
             again: NONE,
             counts: Counts { bytes_up: bytes as u64, ..Default::default() },
             waiting,
+            is_over: false,
         };
         match first {
             Request::Hello { packets, .. } => {
@@ -83,6 +86,9 @@ impl Session {
     /// resumes. O(1), or O(what the client has).
     pub fn receive(&mut self, bytes: &[u8]) -> Result<bool, ProtocolError> {
         self.counts.bytes_up += bytes.len() as u64;
+        if self.is_over {
+            return Err(ProtocolError::Unexpected("the session is over"));
+        }
         match read_request(bytes)? {
             Request::View(view) => {
                 (self.view, self.at, self.again, self.named) = (Some(*view), 0, NONE, None);
@@ -120,6 +126,11 @@ impl Session {
         self.waiting.is_empty() && self.view.is_none() && self.named.is_none()
     }
 
+    /// True if nothing more can be said to the client: it has heard why.
+    pub fn is_over(&self) -> bool {
+        self.is_over
+    }
+
     /// Splits what was named.
     fn take_named(&mut self, most: u32) -> Option<Vec<u8>> {
         let mut splits = Vec::new();
@@ -146,8 +157,8 @@ impl Session {
             Ok(packet) => reply(&Reply::Splits(&packet)),
             // Only of a client that is wrong about what it has.
             Err(_) => {
-                (self.view, self.named) = (None, None);
-                reply(&Reply::Error("the nodes that the client has make no mesh".into()))
+                (self.view, self.named, self.is_over) = (None, None, true);
+                reply(&Reply::Refused("the nodes that the client has make no mesh".into()))
             }
         }
     }

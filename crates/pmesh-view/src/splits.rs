@@ -20,6 +20,10 @@ use pmesh_core::hierarchy::{Bounds, Front, NodeId, Split};
 /// Most splits of a packet.
 pub const PACKET_LIMIT: u32 = 1 << 16;
 
+/// Most neighbours of all nodes of a packet, and how many more for each byte of it: real ones have two a byte.
+const RING_LIMIT: usize = 1 << 20;
+const RINGS_A_BYTE: usize = 1 << 11;
+
 /// Bits that splits take, by what they say.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Spent {
@@ -146,11 +150,11 @@ fn walk<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &mut dyn Known, coun
         return syntax(coder, "more splits than a packet has");
     }
     let (mut done, mut tree) = (0, 0);
-    let (mut stack, mut waiting) = (Vec::new(), Vec::new());
+    let (mut stack, mut waiting, mut looked) = (Vec::new(), Vec::new(), 0);
     let mut gaps = [Chance::default(); 32];
     while done < announced {
         // The next tree, or one that waits.
-        let next = (tree..side.roots()).find(|&i| C::ENCODES && side.is_wanted(i));
+        let next = if C::ENCODES { (tree..side.roots()).find(|&i| side.is_wanted(i)) } else { None };
         let step = number(coder, &mut gaps, next.map_or(0, |n| n - tree + 1));
         if let Some(gap) = step.checked_sub(1) {
             tree = tree.saturating_add(gap);
@@ -195,6 +199,10 @@ fn walk<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &mut dyn Known, coun
                 return syntax(coder, "a split of a leaf, or one too many");
             }
             m.ring.closed = side.neighbours(node, &mut m.about);
+            looked += m.about.len();
+            if !C::ENCODES && looked > RING_LIMIT + RINGS_A_BYTE * coder.byte_position() {
+                return syntax(coder, "splits of nodes with too many neighbours");
+            }
             if !matches!(visit, Visit::Waited(_)) && coder.bit(&mut m.waits, side.waits(node, &m.about)) {
                 waiting.push(node);
                 continue;
@@ -228,7 +236,7 @@ fn code<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &dyn Known, i: u32) 
     let about = std::mem::take(&mut m.about);
     let truth = side.truth_told(i, &about);
     let step = if side.grid().position_bits.is_some() { side.grid().position_step } else { 0.0 };
-    let steps = |code: u8| if step > 0.0 { Bounds::length(code, side.unit()) / step } else { 0.0 };
+    let steps = |code: u8| if step > 0.0 { (Bounds::length(code, side.unit()) / step).min(1e9) } else { 0.0 };
     let depth = side.depth(i);
     let vertex = |w: u32| {
         let b = side.bounds(w);

@@ -162,3 +162,17 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn triangles_that_are_there_twice_are_no_trouble_and_leaves_have_no_bounds() {
+    let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let triangles = [[0, 1, 2], [1, 2, 0], [0, 0, 1]];
+    let bare = || VertexHierarchy::new(positions.clone(), &[], &triangles).expect("a hierarchy");
+    let with = |bounds: Bounds| {
+        let mut hierarchy = bare();
+        hierarchy.set_bounds(1.0, |_| bounds).expect("bounds");
+        Model::new(hierarchy, &triangles, Quantisation::default())
+    };
+    assert!(with(Bounds::default()).is_ok());
+    assert!(with(Bounds { angle: Bounds::NO_CONE, ..Default::default() }).is_err());
+}

@@ -73,6 +73,9 @@ impl RingModel {
     pub fn code<C: Coder>(&mut self, coder: &mut C, ring: &Ring, truth: Option<RingSplit>) -> Result<RingSplit, &'static str> {
         let before = coder.position();
         let n = ring.about.len();
+        if truth.is_some_and(|t| t.cuts.iter().flatten().any(|&c| c as usize >= n)) {
+            return Err("a cut that is not about the vertex");
+        }
         let fits = n >= if ring.closed { 3 } else { 2 } && n <= VALENCE_LIMIT;
         let cuts = if fits {
             let way = truth.map(|t| way_of(t.cuts, n, ring.closed));

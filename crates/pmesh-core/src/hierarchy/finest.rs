@@ -121,7 +121,9 @@ impl VertexHierarchy {
         // is sewn up.
         let edge = |surface: &Surface, c: u32| {
             let (own, finest) = (below[base.vertex(c) as usize], of_base[c as usize / 3]);
-            (3 * finest..3 * finest + 3).find(|&d| finest != NONE && is_in(surface.vertex(d), own))
+            // Of triangles that are there twice one is enough.
+            let corners = if finest == NONE { 0..0 } else { 3 * finest..3 * finest + 3 };
+            corners.into_iter().find(|&d| is_in(surface.vertex(d), own))
         };
         for c in 0..3 * base.triangles.len() as u32 {
             let Some(e) = edge(&surface, c) else { continue };
@@ -152,26 +154,26 @@ impl VertexHierarchy {
         let ranges = [leaf, node].map(|i| self.finest.below.get(i as usize));
         matches!(ranges, [Some(leaf), Some(node)] if is_in(leaf[0], *node))
     }
-    /// Nodes about node `i` of a front, counter-clockwise, and whether they close; `active` gives the front's node above a leaf. Begins where [`super::Front::neighbours`] does. Nothing if `i` is not in the front
+    /// Nodes about node `i` of a front, counter-clockwise, and whether they close; `active` gives the front's node above a leaf. Begins where [`super::Front::neighbours`] does. `None` if `i` is not in the front
     /// or has no triangles. O(triangles of the finest mesh along its rim, valence · depth).
-    pub fn neighbours(&self, i: u32, active: impl Fn(u32) -> Option<u32>, out: &mut Vec<u32>) -> bool {
+    pub fn neighbours(&self, i: u32, active: impl Fn(u32) -> Option<u32>, out: &mut Vec<u32>) -> Option<bool> {
         out.clear();
         let Finest { surface: s, leaf_of_rank, below, begins, .. } = &self.finest;
         let roots = self.root_count();
-        let Some(&own) = below.get(i as usize) else { return false };
+        let &own = below.get(i as usize)?;
         let begin = match self.nodes()[i as usize].parent {
             NONE => i,
             parent => roots + (self.nodes()[parent as usize].child - roots) / 2,
         };
-        let Some(t) = begins.get(begin as usize).copied().filter(|&t| t != NONE) else { return false };
-        let Some(start) = (3 * t..3 * t + 3).find(|&c| is_in(s.vertex(c), own)) else { return false };
+        let t = begins.get(begin as usize).copied().filter(|&t| t != NONE)?;
+        let start = (3 * t..3 * t + 3).find(|&c| is_in(s.vertex(c), own))?;
         let above = |c: u32| active(leaf_of_rank[s.vertex(c) as usize]);
         let (mut c, mut closed) = (start, false);
-        let Some(first) = above(next(start)) else { return false };
+        let first = above(next(start))?;
         out.push(first);
         loop {
             // The triangle at corner c lies between the last of the list and this one.
-            let Some(w) = above(previous(c)) else { return false };
+            let w = above(previous(c))?;
             // Corner e is in the node, the next one in w.
             let e = beyond(s, previous(c), [below[w as usize], own]).0;
             if e == start {
@@ -185,7 +187,7 @@ impl VertexHierarchy {
             c = e;
         }
         if closed {
-            return true;
+            return Some(true);
         }
         // Open: what is clockwise of the start goes in front.
         let mut before = Vec::new();
@@ -197,14 +199,11 @@ impl VertexHierarchy {
                 break;
             }
             c = next(e);
-            w = match above(next(c)) {
-                Some(w) => w,
-                None => return false,
-            };
+            w = above(next(c))?;
             before.push(w);
         }
         out.splice(0..0, before.into_iter().rev());
-        false
+        Some(false)
     }
 }
 
