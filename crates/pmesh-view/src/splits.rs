@@ -3,7 +3,7 @@
 //! A packet holds any set of nodes that are not split yet, each with those above it that are not either. Both ends walk down from the roots through what
 //! the client has; so a node's name costs the choices on the way, shared by all that lie together. Both know the neighbours of a node in the mesh of all that the client has: of
 //! each split come which of these are its cuts, where the second child is, predicted by them, and the bounds of both children, each against their parent's. A split that waits for another
-//! of the packet says so, and comes after the walk. Choices are coded by chances that learn as long as the session lasts, some 100 kB at either end.
+//! of the packet says so, and comes after the walk. Choices are coded by chances that learn as long as the session lasts, some 140 kB at either end.
 
 use crate::error::ProtocolError;
 use crate::fans::{Fan, FanBounds};
