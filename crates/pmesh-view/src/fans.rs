@@ -14,7 +14,8 @@ const CONTEXTS: usize = 16;
 #[derive(Clone, Debug)]
 struct Mixed {
     mixers: Box<[Mixer; VALUES]>,
-    tables: Vec<[Chance; VALUES]>,
+    /// By context and its value.
+    tables: Box<[[[Chance; VALUES]; CONTEXTS]; INPUTS]>,
     escape: [Chance; 32],
 }
 
@@ -22,7 +23,7 @@ impl Default for Mixed {
     fn default() -> Self {
         Self {
             mixers: Box::new(std::array::from_fn(|_| Mixer::default())),
-            tables: vec![[Chance::default(); VALUES]; CONTEXTS * INPUTS],
+            tables: Box::new([[[Chance::default(); VALUES]; CONTEXTS]; INPUTS]),
             escape: [Chance::default(); 32],
         }
     }
@@ -31,23 +32,20 @@ impl Default for Mixed {
 impl Mixed {
     /// Codes a value of 0 to 255, small ones as cheap as their context has them.
     fn code<C: Coder>(&mut self, coder: &mut C, contexts: [i32; INPUTS], value: i32) -> i32 {
-        let at: [usize; INPUTS] = std::array::from_fn(|i| CONTEXTS * i + contexts[i].clamp(0, CONTEXTS as i32 - 1) as usize);
+        let [a, b, c, d, e, f] = contexts.map(|x| x.clamp(0, CONTEXTS as i32 - 1) as usize);
+        let [ta, tb, tc, td, te, tf] = &mut *self.tables;
         let symbol = value.clamp(0, ESCAPE) as usize;
         let mut node = 1;
         for bit in (0..VALUES.ilog2()).rev() {
-            let mut tables = self.tables.chunks_mut(CONTEXTS);
-            let chances = at.map(|at| tables.next().map(|t| &mut t[at % CONTEXTS][node]));
-            let [Some(a), Some(b), Some(c), Some(d), Some(e), Some(f)] = chances else { return 0 };
-            let bit = coder.mixed(&mut self.mixers[node], [a, b, c, d, e, f], symbol >> bit & 1 == 1);
+            let chances =
+                [&mut ta[a][node], &mut tb[b][node], &mut tc[c][node], &mut td[d][node], &mut te[e][node], &mut tf[f][node]];
+            let bit = coder.mixed(&mut self.mixers[node], chances, symbol >> bit & 1 == 1);
             node = node << 1 | usize::from(bit);
         }
         match (node - VALUES) as i32 {
             ESCAPE => number(coder, &mut self.escape, value.wrapping_sub(ESCAPE) as u32).min(1 << 10) as i32 + ESCAPE,
             small => small,
         }
-    }
-    fn memory_bytes(&self) -> usize {
-        size_of::<[Mixer; VALUES]>() + self.tables.len() * size_of::<[Chance; VALUES]>()
     }
 }
 
@@ -114,8 +112,10 @@ pub(crate) struct FanBounds {
 }
 
 impl FanBounds {
+    /// Bytes that all of it takes.
     pub(crate) fn memory_bytes(&self) -> usize {
-        7 * self.radius.memory_bytes()
+        let tables = size_of::<[[[Chance; VALUES]; CONTEXTS]; INPUTS]>();
+        size_of::<Self>() + 7 * (tables + size_of::<[Mixer; VALUES]>())
     }
     /// Codes the bounds of child `k` of a node of that size, which is no leaf; `first` are those of the other child, if that came before and is none either.
     pub(crate) fn code<C: Coder>(

@@ -30,25 +30,29 @@ impl Hasher for NumberHasher {
 pub(crate) type Numbers = BuildHasherDefault<NumberHasher>;
 pub(crate) type NumberSet = HashSet<u32, Numbers>;
 
-/// One end of a packet, while it is written or read: what the client has so far.
+/// One end of a packet or a block, while it is written or read: what the client has so far.
 pub(crate) trait Side {
     fn roots(&self) -> u32;
     /// The first child of a node that has them here.
     fn child(&self, i: u32) -> Option<u32>;
-    fn parent(&self, i: u32) -> Option<u32>;
-    fn id(&self, i: u32) -> NodeId;
     fn row(&self, i: u32) -> [i32; 3];
     fn bounds(&self, i: u32) -> Bounds;
-    /// Of a node with children.
-    fn cuts(&self, i: u32) -> [Option<NodeId>; 2];
     /// The writer: node `i` is to be split, or one below it is.
     fn is_wanted(&self, i: u32) -> bool;
+    fn grid(&self) -> &Quantisation;
+    fn unit(&self) -> f64;
+}
+
+/// One end of a block, where cuts are told by the ways to them.
+pub(crate) trait Ways: Side {
+    fn parent(&self, i: u32) -> Option<u32>;
+    fn id(&self, i: u32) -> NodeId;
+    /// Of a node with children.
+    fn cuts(&self, i: u32) -> [Option<NodeId>; 2];
     /// The writer: what is to be said of a node's split.
     fn truth(&self, i: u32) -> Option<Split>;
     /// Has the children from now on; gives the first.
     fn add(&mut self, i: u32, split: &Split) -> Result<u32, ProtocolError>;
-    fn grid(&self) -> &Quantisation;
-    fn unit(&self) -> f64;
 }
 
 /// The end that has the model.
@@ -69,23 +73,32 @@ impl Side for Writing<'_> {
     fn child(&self, i: u32) -> Option<u32> {
         (self.done.contains(&i) || (self.knew)(i)).then(|| self.model.hierarchy().nodes()[i as usize].child)
     }
-    fn parent(&self, i: u32) -> Option<u32> {
-        Some(self.model.hierarchy().nodes()[i as usize].parent).filter(|&p| p != NONE)
-    }
-    fn id(&self, i: u32) -> NodeId {
-        self.model.hierarchy().id(i).unwrap_or(NodeId::root(0))
-    }
     fn row(&self, i: u32) -> [i32; 3] {
         self.model.row(i)
     }
     fn bounds(&self, i: u32) -> Bounds {
         self.model.hierarchy().nodes()[i as usize].bounds
     }
-    fn cuts(&self, i: u32) -> [Option<NodeId>; 2] {
-        self.model.cuts(i)
-    }
     fn is_wanted(&self, i: u32) -> bool {
         (self.wanted)(i)
+    }
+    fn grid(&self) -> &Quantisation {
+        self.model.grid()
+    }
+    fn unit(&self) -> f64 {
+        self.model.hierarchy().unit()
+    }
+}
+
+impl Ways for Writing<'_> {
+    fn parent(&self, i: u32) -> Option<u32> {
+        Some(self.model.hierarchy().nodes()[i as usize].parent).filter(|&p| p != NONE)
+    }
+    fn id(&self, i: u32) -> NodeId {
+        self.model.hierarchy().id(i).unwrap_or(NodeId::root(0))
+    }
+    fn cuts(&self, i: u32) -> [Option<NodeId>; 2] {
+        self.model.cuts(i)
     }
     fn truth(&self, i: u32) -> Option<Split> {
         Some(split_of(self.model, i))
@@ -93,12 +106,6 @@ impl Side for Writing<'_> {
     fn add(&mut self, i: u32, _: &Split) -> Result<u32, ProtocolError> {
         self.done.insert(i);
         Ok(self.model.hierarchy().nodes()[i as usize].child)
-    }
-    fn grid(&self) -> &Quantisation {
-        self.model.grid()
-    }
-    fn unit(&self) -> f64 {
-        self.model.hierarchy().unit()
     }
 }
 
@@ -132,23 +139,32 @@ impl Side for Reading<'_> {
         let block = scope.block_of.get((child - self.front.root_count()) as usize / 2);
         (scope.done.contains(&i) || block.is_some_and(|b| scope.chain.contains(b))).then_some(child)
     }
-    fn parent(&self, i: u32) -> Option<u32> {
-        self.front.node(i).map(|n| n.parent).filter(|&p| p != NONE)
-    }
-    fn id(&self, i: u32) -> NodeId {
-        self.front.id(i)
-    }
     fn row(&self, i: u32) -> [i32; 3] {
         self.front.node(i).map_or([0; 3], |n| self.grid.position_row(n.position))
     }
     fn bounds(&self, i: u32) -> Bounds {
         self.front.node(i).map_or(Bounds::default(), |n| n.bounds)
     }
-    fn cuts(&self, i: u32) -> [Option<NodeId>; 2] {
-        self.front.node(i).map_or([None; 2], |n| n.cuts)
-    }
     fn is_wanted(&self, _: u32) -> bool {
         false
+    }
+    fn grid(&self) -> &Quantisation {
+        self.grid
+    }
+    fn unit(&self) -> f64 {
+        self.front.unit()
+    }
+}
+
+impl Ways for Reading<'_> {
+    fn parent(&self, i: u32) -> Option<u32> {
+        self.front.node(i).map(|n| n.parent).filter(|&p| p != NONE)
+    }
+    fn id(&self, i: u32) -> NodeId {
+        self.front.id(i)
+    }
+    fn cuts(&self, i: u32) -> [Option<NodeId>; 2] {
+        self.front.node(i).map_or([None; 2], |n| n.cuts)
     }
     fn truth(&self, _: u32) -> Option<Split> {
         None
@@ -170,12 +186,6 @@ impl Side for Reading<'_> {
             scope.block_of.push(scope.block);
         }
         Ok(child)
-    }
-    fn grid(&self) -> &Quantisation {
-        self.grid
-    }
-    fn unit(&self) -> f64 {
-        self.front.unit()
     }
 }
 
@@ -245,12 +255,6 @@ impl Side for Sending<'_> {
     fn child(&self, i: u32) -> Option<u32> {
         self.writing.child(i)
     }
-    fn parent(&self, i: u32) -> Option<u32> {
-        self.writing.parent(i)
-    }
-    fn id(&self, i: u32) -> NodeId {
-        self.writing.id(i)
-    }
     fn row(&self, i: u32) -> [i32; 3] {
         self.writing.row(i)
     }
@@ -261,22 +265,13 @@ impl Side for Sending<'_> {
         }
         // What the other end takes them for.
         let (mut at, mut steps) = (i, 0);
-        while let Some(parent) = self.parent(at) {
+        while let Some(parent) = self.writing.parent(at) {
             (at, steps) = (parent, steps + 1);
         }
         (0..steps).fold(self.writing.bounds(at), |b, _| assumed(&b))
     }
-    fn cuts(&self, i: u32) -> [Option<NodeId>; 2] {
-        self.writing.cuts(i)
-    }
     fn is_wanted(&self, i: u32) -> bool {
         self.writing.is_wanted(i)
-    }
-    fn truth(&self, i: u32) -> Option<Split> {
-        self.writing.truth(i)
-    }
-    fn add(&mut self, i: u32, split: &Split) -> Result<u32, ProtocolError> {
-        self.writing.add(i, split)
     }
     fn grid(&self) -> &Quantisation {
         self.writing.grid()

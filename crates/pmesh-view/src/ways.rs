@@ -5,7 +5,7 @@
 
 use crate::error::ProtocolError;
 use crate::numbers::{BoundsModel, Number, SIZES, number, syntax};
-use crate::sides::{Side, size_of_node};
+use crate::sides::{Ways, size_of_node};
 use crate::splits::Spent;
 use pmesh_codec::range::{Chance, Coder};
 use pmesh_core::hierarchy::{Bounds, NodeId, Split};
@@ -58,7 +58,7 @@ impl Default for BlockModels {
 pub(crate) fn walk_block<C: Coder>(
     coder: &mut C,
     m: &mut BlockModels,
-    side: &mut dyn Side,
+    side: &mut dyn Ways,
     roots: &[u32],
     count: u32,
 ) -> Result<Vec<u32>, ProtocolError> {
@@ -90,7 +90,7 @@ pub(crate) fn walk_block<C: Coder>(
     Ok(ends)
 }
 
-fn code<C: Coder>(coder: &mut C, m: &mut BlockModels, side: &dyn Side, i: u32) -> Result<Split, ProtocolError> {
+fn code<C: Coder>(coder: &mut C, m: &mut BlockModels, side: &dyn Ways, i: u32) -> Result<Split, ProtocolError> {
     let (truth, start) = (side.truth(i), coder.position());
     let (id, own, bounds, size) = (side.id(i), side.row(i), side.bounds(i), size_of_node(side, i));
     let blue = truth.map_or([0; 3], |t| side.grid().position_row(t.position));
@@ -129,7 +129,7 @@ fn code<C: Coder>(coder: &mut C, m: &mut BlockModels, side: &dyn Side, i: u32) -
 }
 
 /// Names that the cuts of node `i` may lie near: its sibling, and the cuts of those above.
-fn candidates(side: &dyn Side, i: u32, most: usize) -> Vec<NodeId> {
+fn candidates(side: &dyn Ways, i: u32, most: usize) -> Vec<NodeId> {
     let mut known = Vec::with_capacity(CANDIDATES + 1);
     let mut at = i;
     for step in 0..ANCESTORS {
@@ -156,7 +156,7 @@ fn common(a: NodeId, b: NodeId) -> Option<u32> {
 fn cut<C: Coder>(
     coder: &mut C,
     m: &mut BlockModels,
-    side: &dyn Side,
+    side: &dyn Ways,
     (k, known): (usize, &[NodeId]),
     truth: Option<NodeId>,
     middle: [i64; 3],
