@@ -179,10 +179,15 @@ fn connect(args: &Args, host: &str) -> Result<WebSocket<TcpStream>> {
     }
 }
 
+/// Nodes that are looked at for each message.
+const LOOKS: u32 = 1 << 14;
+
 /// Asks and refines until the view has all that it needs.
 fn settle(client: &mut Client, socket: &mut WebSocket<TcpStream>, view: &View) -> std::result::Result<(), Lost> {
     loop {
-        let progress = client.refine(view, u32::MAX)?;
+        // All of the front is looked through once nothing is on its way any more: for each packet that would take ever longer.
+        let budget = if client.is_waiting() { LOOKS } else { u32::MAX };
+        let progress = client.refine(view, budget)?;
         while let Some(message) = client.poll() {
             socket.send(Message::Binary(message.into()))?;
         }
