@@ -247,6 +247,15 @@ fn in_two_colours(mesh: &IndexedMesh, of: &[bool]) -> IndexedMesh {
     out
 }
 
+/// A level without vertices on a base without any: whoever makes room for it must not look for ever for how much.
+#[test]
+fn levels_of_nothing_end() {
+    for bits in [0, 12] {
+        let nothing = || (vec![0x7f; 60], 0, 0);
+        both_read(&file_of(0, bits, &[nothing(), nothing(), nothing(), (vec![0x7f; 60], 3, 6)]), "nothing");
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(100))]
 

@@ -166,7 +166,7 @@ impl LevelCoder {
             // Room for all that is announced, or half of it, or a quarter: so nothing is left unused at the end, and what is copied then is half as
             // large. What is to come is not believed beyond twice what is there. The largest first: each is there twice for a moment.
             let mut room = self.start.saturating_add(self.coming);
-            while room / 2 >= self.end {
+            while room / 2 >= self.end.max(1) {
                 room = room.div_ceil(2);
             }
             let more = (room - self.start).min(2 * self.start.max(ROOM));
