@@ -155,8 +155,9 @@ export class ViewPlayer {
     const { connected, connections } = this.#views;
     const stats = { ...this.model.stats, settled: this.#settled, splitsPerSecond, connected, connections };
     const told = ["settled", "connected", "bytesDown", "bytesUp"];
-    if (!changed && this.#stats && told.every((key) => stats[key] === this.#stats[key])) return;
+    const isTold = !changed && this.#stats && told.every((key) => stats[key] === this.#stats[key]);
     this.#stats = stats;
+    if (isTold) return;
     this.#tell.refined(this.#stats);
     if (!this.#loaded && this.model.hasAll) {
       this.#loaded = true;
