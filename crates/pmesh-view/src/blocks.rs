@@ -4,11 +4,12 @@
 //! the walk, the next blocks begin: so each is a region of the surface at a band of detail. It is decoded with nothing but the blocks above it, whatever else the client has.
 
 use crate::model::Model;
-use crate::sides::{NumberSet, Writing};
+use crate::sides::Writing;
 use crate::splits::Spent;
 use crate::ways::{BlockModels, walk_block};
 use pmesh_codec::range::Encoder;
 use pmesh_core::hierarchy::{Bounds, NONE};
+use rustc_hash::FxHashSet;
 use std::collections::BinaryHeap;
 
 /// Splits of a block, under a kilobyte: those that lie side by side are fetched together, and what a view does not need stays little.
@@ -85,7 +86,7 @@ pub(crate) fn pack(model: &Model) -> (Vec<Packed>, Spent) {
         let chain: Vec<u32> = std::iter::successors(above(plan[at].1), |&b| above(plan[b as usize].1)).collect();
         let knew = |i: u32| chain.contains(&block_of[i as usize]);
         let wanted = |i: u32| block_of[i as usize] == at as u32;
-        let mut side = Writing { model, wanted: &wanted, done: NumberSet::default(), knew: &knew };
+        let mut side = Writing { model, wanted: &wanted, done: FxHashSet::default(), knew: &knew };
         let (mut models, mut coder) = (BlockModels::default(), Encoder::new());
         // What is written is what was asked for: nothing can be wrong with it.
         let ends = walk_block(&mut coder, &mut models, &mut side, &roots, splits).unwrap_or_default();

@@ -3,11 +3,12 @@
 use crate::blocks::{BLOCK_SPLITS, first_roots};
 use crate::error::ProtocolError;
 use crate::file::{Block, Head};
-use crate::sides::{NumberSet, Reading, Scope};
+use crate::sides::{Reading, Scope};
 use crate::viewer::{Limits, SPLIT_BYTES, SPLITS_A_BYTE, Viewer};
 use crate::ways::{BlockModels, walk_block};
 use pmesh_codec::range::RangeDecoder;
 use pmesh_core::hierarchy::{NONE, Progress, View};
+use rustc_hash::FxHashSet;
 
 /// Bytes of the first request: a base mesh, and often the first blocks.
 const FIRST_BYTES: u64 = 16 << 10;
@@ -223,7 +224,7 @@ impl FileClient {
         let chain = self.chain(b).skip(1).collect();
         let v = &mut self.viewer;
         let before = self.block_of.len();
-        let scope = Scope { block_of: &mut self.block_of, block: b, chain, done: NumberSet::default() };
+        let scope = Scope { block_of: &mut self.block_of, block: b, chain, done: FxHashSet::default() };
         let mut side = Reading { front: &mut v.front, grid: &v.grid, total: v.total, scope: Some(scope) };
         let mut coder = RangeDecoder::new(bytes.to_vec());
         let ends = walk_block(&mut coder, &mut BlockModels::default(), &mut side, &roots, block.splits)?;

@@ -2,10 +2,9 @@
 
 use crate::base::{self, Base};
 use crate::error::ProtocolError;
-use crate::sides::Numbers;
 use pmesh_codec::pmesh::Quantisation;
 use pmesh_core::hierarchy::{Bounds, NONE, Node, NodeId, VertexHierarchy};
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 use std::sync::{Mutex, PoisonError};
 
 /// A hierarchy on a grid, ready to be served.
@@ -123,7 +122,7 @@ impl Model {
 }
 
 /// Rings by node, and whether they close.
-type Shard = HashMap<u32, (bool, Box<[u32]>), Numbers>;
+type Shard = FxHashMap<u32, (bool, Box<[u32]>)>;
 
 /// Rings that sessions have found: many look at the same.
 #[derive(Debug)]

@@ -8,27 +8,7 @@ use crate::tags::ActiveTags;
 use pmesh_codec::compact::RingSplit;
 use pmesh_codec::pmesh::Quantisation;
 use pmesh_core::hierarchy::{Bounds, Front, NONE, NodeId, Split};
-use std::collections::HashSet;
-use std::hash::{BuildHasherDefault, Hasher};
-
-/// Hashes numbers of nodes, which are nobody's choice.
-#[derive(Default)]
-pub(crate) struct NumberHasher(u64);
-
-impl Hasher for NumberHasher {
-    fn write(&mut self, bytes: &[u8]) {
-        bytes.iter().for_each(|&b| self.write_u32(b.into()));
-    }
-    fn write_u32(&mut self, i: u32) {
-        self.0 = (self.0 ^ u64::from(i)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    }
-    fn finish(&self) -> u64 {
-        self.0 ^ self.0 >> 32
-    }
-}
-
-pub(crate) type Numbers = BuildHasherDefault<NumberHasher>;
-pub(crate) type NumberSet = HashSet<u32, Numbers>;
+use rustc_hash::FxHashSet;
 
 /// One end of a packet or a block, while it is written or read: what the client has so far.
 pub(crate) trait Side {
@@ -61,7 +41,7 @@ pub(crate) struct Writing<'a> {
     /// Splits to be written, and what is above them.
     pub(crate) wanted: &'a dyn Fn(u32) -> bool,
     /// Splits that are written.
-    pub(crate) done: NumberSet,
+    pub(crate) done: FxHashSet<u32>,
     /// Splits that the other end counts on beside these.
     pub(crate) knew: &'a dyn Fn(u32) -> bool,
 }
@@ -126,7 +106,7 @@ pub(crate) struct Scope<'a> {
     /// The blocks above it.
     pub(crate) chain: Vec<u32>,
     /// Nodes whose split has been read.
-    pub(crate) done: NumberSet,
+    pub(crate) done: FxHashSet<u32>,
 }
 
 impl Side for Reading<'_> {
@@ -205,8 +185,8 @@ pub(crate) trait Known: Side {
     fn neighbours(&mut self, i: u32, out: &mut Vec<u32>) -> bool;
     /// The writer: the node, its neighbours being these, cannot be split yet.
     fn waits(&self, i: u32, about: &[u32]) -> bool;
-    /// The writer: what is to be said of a node's split, its neighbours being these.
-    fn truth_told(&self, i: u32, about: &[u32]) -> Option<Told>;
+    /// The writer: what is to be said of a node's split, its neighbours being these, and the bounds of both children.
+    fn truth_told(&self, i: u32, about: &[u32]) -> Option<(RingSplit, [Bounds; 2])>;
     /// Has the children from now on; gives the first.
     fn told(&mut self, i: u32, told: &Told) -> Result<u32, ProtocolError>;
 }
@@ -216,7 +196,7 @@ pub(crate) struct Sending<'a> {
     pub(crate) writing: Writing<'a>,
     /// The front after the packet, and its splits.
     pub(crate) tags: &'a ActiveTags,
-    pub(crate) new: &'a NumberSet,
+    pub(crate) new: &'a FxHashSet<u32>,
     /// No bounds are told.
     pub(crate) cuts_only: bool,
 }
@@ -291,15 +271,13 @@ impl Known for Sending<'_> {
     fn waits(&self, i: u32, about: &[u32]) -> bool {
         matches!(self.places(i, about), [Some(a), Some(b)] if a == b)
     }
-    fn truth_told(&self, i: u32, about: &[u32]) -> Option<Told> {
+    fn truth_told(&self, i: u32, about: &[u32]) -> Option<(RingSplit, [Bounds; 2])> {
         let h = self.writing.model.hierarchy();
         let child = h.node(i)?.child;
         // One that is not there is nothing that could be said, and an error.
-        let places = self.places(i, about);
-        let cuts = places.map(|c| c.and_then(|c| about.get(c as usize).copied()));
-        let ring = RingSplit { cuts: places, place: self.row(child + 1) };
+        let ring = RingSplit { cuts: self.places(i, about), place: self.row(child + 1) };
         let bounds = [child, child + 1].map(|c| h.node(c).map_or(Bounds::default(), |n| n.bounds));
-        Some(Told { ring, cuts, bounds })
+        Some((ring, bounds))
     }
     fn told(&mut self, i: u32, _: &Told) -> Result<u32, ProtocolError> {
         self.writing.done.insert(i);
@@ -317,7 +295,7 @@ impl Known for Reading<'_> {
     fn waits(&self, _: u32, _: &[u32]) -> bool {
         false
     }
-    fn truth_told(&self, _: u32, _: &[u32]) -> Option<Told> {
+    fn truth_told(&self, _: u32, _: &[u32]) -> Option<(RingSplit, [Bounds; 2])> {
         None
     }
     fn told(&mut self, i: u32, told: &Told) -> Result<u32, ProtocolError> {

@@ -10,12 +10,13 @@ use crate::fans::{Fan, FanBounds};
 use crate::message::Packets;
 use crate::model::Model;
 use crate::numbers::{SIZES, number, syntax};
-use crate::sides::{Known, NumberSet, Reading, Sending, Told, Writing, assumed, size_of_node};
+use crate::sides::{Known, Reading, Sending, Told, Writing, assumed, size_of_node};
 use crate::tags::ActiveTags;
 use pmesh_codec::compact::{Ring, RingModel, RingSplit, RingVertex};
 use pmesh_codec::pmesh::Quantisation;
 use pmesh_codec::range::{Chance, Coder, Encoder, RangeDecoder};
 use pmesh_core::hierarchy::{Bounds, Front, NodeId, Split};
+use rustc_hash::FxHashSet;
 
 /// Most splits of a packet.
 pub const PACKET_LIMIT: u32 = 1 << 16;
@@ -62,7 +63,7 @@ pub struct SplitModels {
     waits: Chance,
     rings: RingModel,
     leaf: [[Chance; SIZES]; 2],
-    pub(crate) bounds: FanBounds,
+    bounds: FanBounds,
     /// Scratch.
     ring: Ring,
     about: Vec<u32>,
@@ -108,17 +109,17 @@ pub fn split_of(model: &Model, i: u32) -> Split {
 /// Writes a packet of `splits`, nodes whose children the client lacks; `tags` is the front after it. O(splits · (depth + rim)), where the rim is that of a node in the finest mesh. Errors: splits that
 /// cannot be made in any order, as only those are that a client is wrong about.
 pub fn write(models: &mut SplitModels, model: &Model, tags: &ActiveTags, splits: &[u32]) -> Result<Vec<u8>, ProtocolError> {
-    let mut wanted = NumberSet::default();
+    let mut wanted = FxHashSet::default();
     for &i in splits {
         let mut at = Some(i);
         while let Some(i) = at.filter(|&i| wanted.insert(i)) {
             at = model.hierarchy().node(i).map(|n| n.parent);
         }
     }
-    let new: NumberSet = splits.iter().copied().collect();
+    let new: FxHashSet<u32> = splits.iter().copied().collect();
     let knew = |i: u32| !tags.contains(i) && !new.contains(&i);
     let wanted = |i: u32| wanted.contains(&i);
-    let writing = Writing { model, wanted: &wanted, done: NumberSet::default(), knew: &knew };
+    let writing = Writing { model, wanted: &wanted, done: FxHashSet::default(), knew: &knew };
     let mut side = Sending { writing, tags, new: &new, cuts_only: models.cuts_only };
     let mut coder = Encoder::new();
     walk(&mut coder, models, &mut side, splits.len() as u32)?;
@@ -232,7 +233,7 @@ fn ready(side: &mut dyn Known, waiting: &[u32], about: &mut Vec<u32>) -> usize {
 
 /// Codes the split of a node whose neighbours are at hand.
 fn code<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &dyn Known, i: u32) -> Result<Told, ProtocolError> {
-    let (own, bounds, size) = (side.row(i), side.bounds(i), size_of_node(side, i));
+    let (bounds, size) = (side.bounds(i), size_of_node(side, i));
     let about = std::mem::take(&mut m.about);
     let truth = side.truth_told(i, &about);
     let step = if side.grid().position_bits.is_some() { side.grid().position_step } else { 0.0 };
@@ -250,12 +251,11 @@ fn code<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &dyn Known, i: u32) 
     m.ring.about.clear();
     m.ring.about.extend(about.iter().map(|&w| vertex(w)));
     m.ring.own = vertex(i);
-    m.ring.own.row = own;
     let reach = steps(bounds.radius).max(1.0);
     m.ring.off = if step > 0.0 { [bounds.directional, bounds.uniform].map(|e| (steps(e) / reach).min(1.0)) } else { [0.1; 2] };
     m.about = about;
     let before = m.rings.spent;
-    let ring = match m.rings.code(coder, &m.ring, truth.as_ref().map(|t| t.ring)) {
+    let ring = match m.rings.code(coder, &m.ring, truth.map(|t| t.0)) {
         Ok(ring) => ring,
         Err(what) => return syntax(coder, what),
     };
@@ -265,7 +265,7 @@ fn code<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &dyn Known, i: u32) 
     let fans = if m.cuts_only { [Fan::default(); 2] } else { fans(side, &m.ring, &ring) };
     let mut children = [Bounds::default(); 2];
     for k in 0..2 {
-        let b = truth.as_ref().map_or(Bounds::default(), |t| t.bounds[k]);
+        let b = truth.map_or(Bounds::default(), |t| t.1[k]);
         if coder.bit(&mut m.leaf[k][size], b.is_leaf()) {
             continue;
         }

@@ -58,7 +58,7 @@ impl Front {
         (self.known, self.front, self.cursor) = (known, front, 0);
         self.wanted.clear();
         if self.whole.is_some() {
-            self.begin_whole();
+            self.follow_cuts();
         }
         splits
     }

@@ -23,14 +23,6 @@ impl Front {
     /// From now on cuts that are learnt are nodes without children here, and go on with these as they get some. O(known). The front must be at these nodes, as one is
     /// that knows nothing but the base mesh.
     pub fn follow_cuts(&mut self) {
-        self.begin_whole();
-    }
-    /// True from [`Self::follow_cuts`] on.
-    pub fn follows_cuts(&self) -> bool {
-        self.whole.is_some()
-    }
-    /// The mesh of all that is known is that of the front.
-    pub(super) fn begin_whole(&mut self) {
         let mut mesh = self.mesh.undrawn();
         let mut leaf_of = vec![NONE; self.positions.len()];
         for i in (0..self.known.len() as u32).filter(|&i| self.known[i as usize].child == NONE) {
@@ -60,6 +52,10 @@ impl Front {
         });
         self.cuts = cuts.collect();
         self.whole = Some(KnownMesh { mesh, leaf_of });
+    }
+    /// True from [`Self::follow_cuts`] on.
+    pub fn follows_cuts(&self) -> bool {
+        self.whole.is_some()
     }
     /// Splits node `i` in the mesh of all that is known; cuts that stood there stand at one of its children.
     pub(super) fn learn_whole(&mut self, i: u32, split: &Split) -> Result<(), HierarchyError> {

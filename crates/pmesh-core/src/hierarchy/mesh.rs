@@ -136,7 +136,7 @@ impl FrontMesh {
         let start = self.surface.corner_of.get(v as usize).copied().filter(|&c| c != NONE);
         start.into_iter().flat_map(|c| self.surface.around(c)).map(|c| self.surface.triangles[c as usize / 3])
     }
-    /// Corners at a vertex and the vertices about it, counter-clockwise; the corner that it begins at if they close. O(valence).
+    /// Corners at a vertex and the vertices about it, counter-clockwise, and whether they close. O(valence).
     pub(super) fn fan(&mut self, v: u32) -> (&[u32], &[u32], bool) {
         let start = self.surface.corner_of.get(v as usize).copied().unwrap_or(NONE);
         self.own.gather(&self.surface, start);
