@@ -1,111 +1,191 @@
-//! A hierarchy in blocks: which splits lie together, and their coding.
+//! Splits of a block, told by the mesh of what the blocks above it hold.
 //!
-//! A block has roots, nodes of the block above it, and of what lies below them the splits that a view of the whole needs first. Where it ends, at nodes side by side in
-//! the walk, the next blocks begin: so each is a region of the surface at a band of detail. It is decoded with nothing but the blocks above it, whatever else the client has.
+//! Which nodes split is not said: those that are farthest off, as the bounds of all have it. Each is told as in a packet of a session (`splits`): by those about it. Where both cuts
+//! are still at one node, because what lies beyond the block's rim is coarse, the mesh cannot follow: such a split and those below it are told by names. After the splits
+//! come the ways of all cuts, on from where the block knows them to be.
 
-use crate::model::Model;
-use crate::sides::Writing;
-use crate::splits::Spent;
-use crate::ways::{BlockModels, walk_block};
-use pmesh_codec::range::Encoder;
-use pmesh_core::hierarchy::{Bounds, NONE};
-use rustc_hash::FxHashSet;
+use crate::error::ProtocolError;
+use crate::fans::Fan;
+use crate::numbers::{Number, SIZES, number, syntax};
+use crate::patch::{Local, Way};
+use crate::sides::{Known, Side, size_of_node};
+use crate::splits::{Spent, SplitModels, code, code_bounds};
+use pmesh_codec::range::{Chance, Coder};
+use pmesh_core::hierarchy::{Bounds, NONE, NodeId};
+use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Splits of a block, under a kilobyte: those that lie side by side are fetched together, and what a view does not need stays little.
-pub(crate) const BLOCK_SPLITS: u32 = 128;
-/// Blocks below a block. More are fewer requests one after the other, and more that a view does not need.
-const FANOUT: u64 = 2;
-/// Most splits that a block may announce.
-pub(crate) const SPLITS_LIMIT: u32 = 1 << 16;
+/// Times that a node waits for others to split before it.
+const TRIES: usize = 2;
+/// Codes by which its error is taken for less each time: an octave.
+const LATER: u8 = 4;
 
-/// A block as it is packed.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Packed {
-    pub(crate) bytes: Vec<u8>,
-    pub(crate) splits: u32,
-    pub(crate) roots: u32,
-    /// The first block below it, and how many there are.
-    pub(crate) child: u32,
-    pub(crate) children: u32,
+/// What is learnt of splits in blocks.
+#[derive(Clone, Debug)]
+pub(crate) struct BlockModels {
+    splits: SplitModels,
+    /// The mesh cannot follow, yet or at all; by how often that was said.
+    waits: [Chance; TRIES + 1],
+    /// How far a way goes on below what is known.
+    rest: [Number; SIZES],
+    /// Of splits that the mesh cannot follow: which cut is missing, and where the second child is.
+    missing: [Chance; 4],
+    position: Number,
 }
 
-/// The roots of the first block: those trees that have splits, along a space-filling curve, so that neighbours are in one block further down. O(n log n).
-pub(crate) fn first_roots(positions: &[[f32; 3]], bounds: &[Bounds], [low, high]: [[f32; 3]; 2]) -> Vec<u32> {
-    let size = (0..3).map(|k| f64::from(high[k]) - f64::from(low[k])).fold(0.0, f64::max);
-    let key = |p: [f32; 3]| {
-        let cell =
-            [0, 1, 2].map(|k| if size > 0.0 { ((f64::from(p[k]) - f64::from(low[k])) / size * 1023.0) as u32 & 1023 } else { 0 });
-        (0..10).rev().fold(0u32, |key, bit| (0..3).fold(key, |key, k| key << 1 | (cell[k] >> bit & 1)))
-    };
-    let mut roots: Vec<u32> =
-        (0..positions.len() as u32).filter(|&i| bounds.get(i as usize).is_some_and(|b| !b.is_leaf())).collect();
-    roots.sort_by_key(|&i| (key(positions[i as usize]), i));
-    roots
-}
-
-/// Packs all of a model, the blocks in the order of their rank: the first, then those below it, then those below these. O(n log n).
-pub(crate) fn pack(model: &Model) -> (Vec<Packed>, Spent) {
-    let h = model.hierarchy();
-    let nodes = h.nodes();
-    // Splits below each node, itself included.
-    let mut weight = vec![0u64; nodes.len()];
-    for i in (0..nodes.len()).rev() {
-        let child = nodes[i].child;
-        if child != NONE {
-            weight[i] = 1 + weight[child as usize] + weight[child as usize + 1];
+impl Default for BlockModels {
+    fn default() -> Self {
+        let (chance, number) = (Chance::default(), [Chance::default(); 32]);
+        Self {
+            splits: SplitModels::default(),
+            waits: [chance; TRIES + 1],
+            rest: [number; SIZES],
+            missing: [chance; 4],
+            position: number,
         }
     }
-    let positions: Vec<_> = (0..h.root_count()).map(|i| h.position(i)).collect();
-    let bounds: Vec<_> = nodes[..positions.len()].iter().map(|n| n.bounds).collect();
-    let mut block_of = vec![NONE; nodes.len()];
-    // Roots of each block, and the block above it.
-    let first = first_roots(&positions, &bounds, model.extent());
-    let mut plan = if first.is_empty() { Vec::new() } else { vec![(first, NONE)] };
-    let (mut packed, mut spent) = (Vec::<Packed>::new(), Spent::default());
-    let mut at = 0;
-    while at < plan.len() {
-        let roots = plan[at].0.clone();
-        // What is farthest off first.
-        let rank = |i: u32| {
-            (
-                nodes[i as usize].bounds.uniform.max(nodes[i as usize].bounds.directional),
-                nodes[i as usize].bounds.radius,
-                u32::MAX - i,
-            )
-        };
-        let mut heap: BinaryHeap<_> = roots.iter().map(|&i| (rank(i), i)).collect();
-        let mut splits = 0;
-        while let Some((_, i)) = heap.pop().filter(|_| splits < BLOCK_SPLITS) {
-            splits += 1;
-            block_of[i as usize] = at as u32;
-            let child = nodes[i as usize].child;
-            heap.extend([child, child + 1].into_iter().filter(|&c| nodes[c as usize].child != NONE).map(|c| (rank(c), c)));
+}
+
+impl BlockModels {
+    /// Bits by what they said, since last asked.
+    pub(crate) fn take_spent(&mut self) -> Spent {
+        std::mem::take(&mut self.splits.spent)
+    }
+}
+
+/// A node by what it is off by, the worst first.
+fn rank(b: &Bounds, tries: usize, i: u32) -> (u8, u8, Reverse<u32>) {
+    (b.uniform.max(b.directional).saturating_sub(LATER * tries as u8), b.radius, Reverse(i))
+}
+
+/// Codes `count` splits below the first `roots` nodes of a patch, and gives the names of their cuts. Errors: a block that cannot be.
+pub(crate) fn code_block<C: Coder>(
+    coder: &mut C,
+    m: &mut BlockModels,
+    local: &mut Local,
+    (roots, count): (u32, u32),
+) -> Result<Vec<[Option<NodeId>; 2]>, ProtocolError> {
+    let mut next = BinaryHeap::new();
+    let push = |next: &mut BinaryHeap<_>, local: &Local, i: u32, tries: usize| {
+        let bounds = local.bounds(i);
+        if !bounds.is_leaf() {
+            next.push((rank(&bounds, tries, i), tries));
         }
-        let above = |b: u32| Some(b).filter(|&b| b != NONE);
-        let chain: Vec<u32> = std::iter::successors(above(plan[at].1), |&b| above(plan[b as usize].1)).collect();
-        let knew = |i: u32| chain.contains(&block_of[i as usize]);
-        let wanted = |i: u32| block_of[i as usize] == at as u32;
-        let mut side = Writing { model, wanted: &wanted, done: FxHashSet::default(), knew: &knew };
-        let (mut models, mut coder) = (BlockModels::default(), Encoder::new());
-        // What is written is what was asked for: nothing can be wrong with it.
-        let ends = walk_block(&mut coder, &mut models, &mut side, &roots, splits).unwrap_or_default();
-        spent.add(&models.spent);
-        // Runs of about the same weight.
-        let all: u64 = ends.iter().map(|&i| weight[i as usize]).sum();
-        let count = all.div_ceil(u64::from(BLOCK_SPLITS)).min(FANOUT);
-        let (mut run, mut sum, mut children) = (Vec::new(), 0, 0);
-        for i in ends {
-            run.push(i);
-            sum += weight[i as usize];
-            if sum * count >= all * (children + 1) {
-                plan.push((std::mem::take(&mut run), at as u32));
-                children += 1;
+    };
+    (0..roots).for_each(|i| push(&mut next, local, i, 0));
+    let mut done = 0;
+    while done < count {
+        let Some(((.., Reverse(i)), tries)) = next.pop() else { return syntax(coder, "more splits than there can be") };
+        let child = if local.is_out(i) {
+            code_out(coder, m, local, i)?
+        } else {
+            let closed = local.neighbours(i, &mut m.splits.about);
+            m.splits.ring.closed = closed;
+            let waits = coder.bit(&mut m.waits[tries], !local.fits(i, &m.splits.about, closed));
+            if waits && tries < TRIES {
+                push(&mut next, local, i, tries + 1);
+                continue;
+            }
+            if waits {
+                code_out(coder, m, local, i)?
+            } else {
+                let told = code(coder, &mut m.splits, local, i)?;
+                local.told(i, &told)?
+            }
+        };
+        if coder.ran_out() {
+            return syntax(coder, "it ends before all that it announces");
+        }
+        done += 1;
+        [child, child + 1].into_iter().for_each(|c| push(&mut next, local, c, 0));
+    }
+    let start = coder.position();
+    let mut cuts = Vec::with_capacity(count as usize);
+    for s in 0..local.splits().len() {
+        let split = local.splits()[s];
+        let (ways, names) = (local.ways(&split), local.cut_names(split.node));
+        let mut told = [None; 2];
+        for (k, way) in ways.iter().enumerate() {
+            if let Some(way) = way {
+                told[k] = Some(rest(coder, m, local, *way, names[k])?);
             }
         }
-        let (child, roots) = (plan.len() as u32 - children as u32, roots.len() as u32);
-        packed.push(Packed { bytes: coder.finish(), splits, roots, child, children: children as u32 });
-        at += 1;
+        cuts.push(told);
     }
-    (packed, spent)
+    m.splits.spent.cuts += coder.position() - start;
+    Ok(cuts)
+}
+
+/// A split that the mesh cannot follow.
+fn code_out<C: Coder>(coder: &mut C, m: &mut BlockModels, local: &mut Local, i: u32) -> Result<u32, ProtocolError> {
+    let start = coder.position();
+    let own = local.row(i);
+    let truth = local.truth_told(i, &[]);
+    let blue = truth.map_or([0; 3], |t| t.0.place);
+    let mut row = [0i32; 3];
+    for k in 0..3 {
+        let off = blue[k].wrapping_sub(own[k]);
+        let folded = number(coder, &mut m.position, (off.wrapping_shl(1) ^ (off >> 31)) as u32);
+        row[k] = own[k].wrapping_add((folded >> 1) as i32 ^ -((folded & 1) as i32));
+    }
+    let placed = coder.position();
+    m.splits.spent.positions += placed - start;
+    // By the node that stands for it, those about that, or by name.
+    let by = local.stand_in(i);
+    let mut about = std::mem::take(&mut m.splits.about);
+    local.neighbours(by, &mut about);
+    about.push(by);
+    let (names, cuts) = (local.cut_names(i), local.cuts(i));
+    let missing = names.iter().position(Option::is_none).map_or(0, |k| k + 1);
+    let missing = coder.symbol(&mut m.missing, missing as u32) as usize;
+    if missing > 2 {
+        return syntax(coder, "a split without cuts");
+    }
+    let bits = 32 - (about.len() as u32).leading_zeros();
+    let mut told = [None; 2];
+    for k in (0..2).filter(|k| k + 1 != missing) {
+        let active = cuts[k].and_then(|c| local.active(c));
+        let which = about.iter().position(|&w| Some(w) == active).unwrap_or(about.len());
+        let which = coder.raw(bits, which as u32) as usize;
+        told[k] = match about.get(which) {
+            Some(&w) => Some((local.id(w), w)),
+            None if which == about.len() => {
+                let name = names[k].unwrap_or(NodeId::root(0));
+                Some((NodeId::root(coder.raw(32, name.tree)), NONE))
+            }
+            None => return syntax(coder, "a cut by one that is not there"),
+        };
+    }
+    m.splits.about = about;
+    let cut_off = coder.position();
+    m.splits.spent.cuts += cut_off - placed;
+    let (bounds, size) = (local.bounds(i), size_of_node(local, i));
+    let children = code_bounds(coder, &mut m.splits, (&bounds, size), &[Fan::default(); 2], truth.map(|t| t.1));
+    m.splits.spent.bounds += coder.position() - cut_off;
+    local.add_out(i, told, row, children)
+}
+
+/// The rest of a way to a leaf. Errors: a way that is too long.
+fn rest<C: Coder>(
+    coder: &mut C,
+    m: &mut BlockModels,
+    local: &Local,
+    (way, node): Way,
+    truth: Option<NodeId>,
+) -> Result<NodeId, ProtocolError> {
+    let depth = |id: NodeId| id.depth().unwrap_or(0);
+    if node != NONE && local.bounds(node).is_leaf() {
+        return Ok(way);
+    }
+    let (least, size) = if node == NONE { (0, 0) } else { (1, size_of_node(local, node)) };
+    let target = truth.unwrap_or(way);
+    let length = number(coder, &mut m.rest[size], depth(target).saturating_sub(depth(way) + least)).saturating_add(least);
+    if depth(way).saturating_add(length) > NodeId::DEPTH_LIMIT {
+        return syntax(coder, "a cut too deep");
+    }
+    let mut at = way;
+    for i in (0..length).rev() {
+        at.node = at.node << 1 | u64::from(coder.raw(1, (target.node >> i & 1) as u32));
+    }
+    Ok(at)
 }

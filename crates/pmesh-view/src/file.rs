@@ -1,11 +1,11 @@
 //! A hierarchy as a file of blocks: `.pmesh`, version 2. docs/FORMAT.md has every byte.
 
 use crate::base::Base;
-use crate::blocks::{Packed, SPLITS_LIMIT, pack};
 use crate::error::ProtocolError;
 use crate::file_client::FileClient;
 use crate::message::{Reply, read_reply};
 use crate::model::Model;
+use crate::pack::{Packed, SPLITS_LIMIT, pack};
 use crate::splits::Spent;
 use pmesh_codec::pmesh::{SIGNATURE, VIEWS_VERSION as VERSION};
 use pmesh_core::IndexedMesh;
@@ -27,9 +27,9 @@ pub fn is_file(bytes: &[u8]) -> bool {
     bytes.starts_with(&SIGNATURE) && bytes.get(SIGNATURE.len()) == Some(&VERSION)
 }
 
-/// Packs a model into a file. Gives the bits of its splits by what they say, too. O(n log n).
-pub fn write_file(model: &Model) -> (Vec<u8>, Spent) {
-    let (packed, spent) = pack(model);
+/// Packs a model into a file. Gives the bits of its splits by what they say, too. O(n log n). Errors: a hierarchy that is none.
+pub fn write_file(model: &Model) -> Result<(Vec<u8>, Spent), ProtocolError> {
+    let (packed, spent) = pack(model)?;
     // Lengths from the last block to the first, since each names those below it; then where they start; then their bytes, from the last again.
     let entry = |length: u32, p: &Packed| [length, p.splits, p.roots].into_iter().map(varint_bytes).sum::<u32>() + 4;
     let below = |p: &Packed| p.child as usize..(p.child + p.children) as usize;
@@ -71,7 +71,7 @@ pub fn write_file(model: &Model) -> (Vec<u8>, Spent) {
     }
     out.extend(crc32fast::hash(&out).to_le_bytes());
     blocks.iter().for_each(|b| out.extend(b));
-    (out, spent)
+    Ok((out, spent))
 }
 
 fn varint(out: &mut Vec<u8>, mut x: u32) {

@@ -1,19 +1,22 @@
 //! A client of a file: which bytes a view needs, and what they bring. Any server that answers range requests will do.
 
-use crate::blocks::{BLOCK_SPLITS, first_roots};
+use crate::blocks::{BlockModels, code_block};
 use crate::error::ProtocolError;
 use crate::file::{Block, Head};
-use crate::sides::{Reading, Scope};
+use crate::pack::{BLOCK_SPLITS, first_roots};
+use crate::patch::{Local, Patch, Place};
+use crate::sides::Side;
 use crate::viewer::{Limits, SPLIT_BYTES, SPLITS_A_BYTE, Viewer};
-use crate::ways::{BlockModels, walk_block};
 use pmesh_codec::range::RangeDecoder;
-use pmesh_core::hierarchy::{NONE, Progress, View};
-use rustc_hash::FxHashSet;
+use pmesh_core::hierarchy::{Bounds, NONE, Progress, Split, View};
 
 /// Bytes of the first request: a base mesh, and often the first blocks.
 const FIRST_BYTES: u64 = 16 << 10;
 /// Bytes of a request, beyond which blocks that lie side by side are asked for apart.
 const REQUEST_BYTES: u64 = 64 << 10;
+/// Most nodes and triangles that blocks begin with, and how many more for each byte: real ones have some two.
+const WORK_LIMIT: usize = 1 << 22;
+const WORK_A_BYTE: usize = 1 << 8;
 /// Requests at a time.
 const REQUESTS: usize = 4;
 
@@ -26,8 +29,8 @@ struct Known {
     /// The first block below it, once it has been unpacked: others below it follow; [`NONE`] before.
     child: u32,
     children: u32,
-    /// Nodes that it begins at, once the block above it is here.
-    roots: Option<Vec<u32>>,
+    /// What it is told by, once the block above it is here.
+    patch: Option<Patch>,
     /// Its bytes, until it is unpacked.
     bytes: Option<Vec<u8>>,
     state: State,
@@ -45,7 +48,7 @@ enum State {
 
 impl Known {
     fn new(block: Block, above: u32) -> Self {
-        Self { block, above, child: NONE, children: 0, roots: None, bytes: None, state: State::Away }
+        Self { block, above, child: NONE, children: 0, patch: None, bytes: None, state: State::Away }
     }
 }
 
@@ -65,6 +68,10 @@ pub struct FileClient {
     /// First bytes of what is under way, and its blocks.
     under_way: Vec<(u64, Vec<u32>)>,
     view: Option<View>,
+    /// What the first block has taught.
+    prior: Option<BlockModels>,
+    /// Sizes of the patches that were split.
+    work: usize,
     /// Most blocks one above the other.
     deepest: usize,
     bytes: u64,
@@ -164,10 +171,11 @@ impl FileClient {
         if head.first.map_or(0, |b| b.roots as usize) != roots.len() {
             return Err(ProtocolError::Unexpected("a first block of other roots than the base mesh has"));
         }
+        let patch = Patch::of_base(roots, head.base.positions.len() as u32, &head.base.triangles);
         self.viewer.begin(head.base)?;
         self.blocks.extend(head.first.map(|block| Known::new(block, NONE)));
         if head.first.is_some() {
-            self.begin_at(0, roots);
+            self.begin_at(0, patch);
             self.take_early(0);
         }
         Ok(())
@@ -180,10 +188,10 @@ impl FileClient {
             self.blocks[b as usize].bytes = Some(bytes.to_vec());
         }
     }
-    /// Block `b` begins at these nodes.
-    fn begin_at(&mut self, b: u32, roots: Vec<u32>) {
-        roots.iter().for_each(|&i| self.enter(i, b));
-        self.blocks[b as usize].roots = Some(roots);
+    /// Block `b` begins there.
+    fn begin_at(&mut self, b: u32, patch: Patch) {
+        patch.roots().iter().for_each(|&i| self.enter(i, b));
+        self.blocks[b as usize].patch = Some(patch);
     }
     fn enter(&mut self, node: u32, b: u32) {
         self.entry.resize(self.entry.len().max(node as usize + 1), NONE);
@@ -206,35 +214,71 @@ impl FileClient {
         if self.blocks[b as usize].state == State::Here {
             return Ok(true);
         }
-        // It is told by all of the blocks above.
-        if self.chain(b).skip(1).any(|a| self.blocks[a as usize].state != State::Here) {
-            return Ok(false);
-        }
-        let known = &mut self.blocks[b as usize];
-        let (Some(roots), Some(bytes)) = (known.roots.clone(), known.bytes.take()) else { return Ok(false) };
+        let Some(bytes) = self.blocks[b as usize].bytes.take() else { return Ok(false) };
+        let known = &self.blocks[b as usize];
+        let Some(patch) = &known.patch else { return Ok(false) };
         let (block, child, children) = (known.block, known.child, known.children);
         let (below, bytes) = block.open(&bytes)?;
         // When it comes again it must be what it was.
-        let known = child as usize..(child as usize).saturating_add(below.len());
+        let same = child as usize..(child as usize).saturating_add(below.len());
         if child != NONE
-            && (below.len() != children as usize || !self.blocks[known].iter().map(|k| k.block).eq(below.iter().copied()))
+            && (below.len() != children as usize || !self.blocks[same].iter().map(|k| k.block).eq(below.iter().copied()))
         {
             return Err(ProtocolError::Damaged { at: block.start });
         }
-        let chain = self.chain(b).skip(1).collect();
+        self.work += patch.size();
+        if self.work > WORK_LIMIT + WORK_A_BYTE * self.bytes as usize {
+            return Err(ProtocolError::Unexpected("blocks that begin with more than their bytes are worth"));
+        }
         let v = &mut self.viewer;
-        let before = self.block_of.len();
-        let scope = Scope { block_of: &mut self.block_of, block: b, chain, done: FxHashSet::default() };
-        let mut side = Reading { front: &mut v.front, grid: &v.grid, total: v.total, scope: Some(scope) };
+        let front = &v.front;
+        let place = |i: u32| {
+            let node = front.node(i);
+            let (position, bounds) = node.map_or(([0.0; 3], Bounds::default()), |n| (n.position, n.bounds));
+            Place { id: front.id(i), row: v.grid.position_row(position), bounds }
+        };
+        let mut local = Local::new(patch, (&v.grid, front.unit()), place)?;
         let mut coder = RangeDecoder::new(bytes.to_vec());
-        let ends = walk_block(&mut coder, &mut BlockModels::default(), &mut side, &roots, block.splits)?;
-        v.splits += (self.block_of.len() - before) as u64;
+        let mut models = self.prior.clone().unwrap_or_default();
+        let cuts = code_block(&mut coder, &mut models, &mut local, (patch.roots, block.splits))?;
+        if b == 0 {
+            self.prior = Some(models);
+        }
+        for (s, cuts) in cuts.into_iter().enumerate() {
+            let node = local.splits()[s].node;
+            let parent = local.number(node);
+            // A part of a block may be here already.
+            let child = match v.front.node(parent).map_or(NONE, |n| n.child) {
+                NONE => {
+                    let (child, second) = (v.front.known() as u32, local.child_of(node));
+                    if u64::from(child) + 2 > v.total {
+                        return Err(ProtocolError::Unexpected("more nodes than the base mesh announces"));
+                    }
+                    let bounds = [second, second + 1].map(|c| local.bounds(c));
+                    let position = v.grid.position_of_row(local.row(second + 1));
+                    v.front.learn(&Split { id: local.id(node), cuts, position, bounds })?;
+                    self.block_of.push(b);
+                    v.splits += 1;
+                    child
+                }
+                child => child,
+            };
+            local.set_number(local.child_of(node), child);
+        }
         // The same bytes may be named again and again, and grow without end.
         if self.block_of.len() as u64 > SPLITS_A_BYTE * self.bytes {
             return Err(ProtocolError::Unexpected("more splits than its bytes can hold"));
         }
+        let ends = local.ends(patch.roots);
         if below.iter().map(|c| u64::from(c.roots)).sum::<u64>() != ends.len() as u64 {
             return Err(ProtocolError::Unexpected("blocks below one of other roots than it ends at"));
+        }
+        let mut patches = Vec::with_capacity(below.len());
+        let mut ends = &ends[..];
+        for block in &below {
+            let (run, others) = ends.split_at(block.roots as usize);
+            patches.push(local.patch(run));
+            ends = others;
         }
         let first = if child == NONE { self.blocks.len() as u32 } else { child };
         if child == NONE {
@@ -242,13 +286,11 @@ impl FileClient {
             self.blocks.extend(below.iter().map(|&block| Known::new(block, b)));
             (first..first + below.len() as u32).for_each(|c| self.take_early(c));
         }
-        let mut ends = ends.into_iter();
-        for (c, block) in (first..).zip(&below) {
-            let roots = ends.by_ref().take(block.roots as usize).collect();
+        for (c, patch) in (first..).zip(patches) {
             // One that is here knows where it begins, and what begins at its ends.
             let known = &self.blocks[c as usize];
-            if known.state != State::Here || known.roots.is_none() {
-                self.begin_at(c, roots);
+            if known.state != State::Here || known.patch.is_none() {
+                self.begin_at(c, patch);
             }
         }
         self.blocks[b as usize].state = State::Here;
@@ -275,8 +317,8 @@ impl FileClient {
             // Where room is short, one at a time, so that the blocks on the way there are not in each other's.
             targets.truncate(1);
         }
-        // Where something was forgotten: the blocks above first.
-        let missing = |b: u32| self.chain(b).filter(|&b| self.blocks[b as usize].state != State::Here).last();
+        // Where something was forgotten: the block above first that says where it begins.
+        let missing = |b: u32| self.chain(b).find(|&b| self.blocks[b as usize].patch.is_some());
         let mut coarse: Vec<u32> = targets.into_iter().filter_map(missing).collect();
         coarse.sort_unstable();
         coarse.dedup();
@@ -317,12 +359,15 @@ impl FileClient {
         }
         self.block_of = self.block_of.iter().zip(&number).filter(|(_, n)| n.is_some()).map(|(b, _)| *b).collect();
         for block in &mut self.blocks {
-            let roots = block.roots.take();
-            block.roots = roots.and_then(|run| run.into_iter().map(node).collect());
+            let patch = block.patch.take();
+            block.patch = patch.and_then(|p| p.renamed(node));
             block.bytes = None;
-            // A root that it does not split may be gone.
-            if block.roots.is_none() && block.state == State::Here {
-                block.state = State::Away;
+        }
+        // Who is not here, and begins where nobody knows, needs the block above again.
+        for b in (0..self.blocks.len()).rev() {
+            let Known { state, above, .. } = self.blocks[b];
+            if state != State::Here && self.blocks[b].patch.is_none() && above != NONE && self.blocks[above as usize].state == State::Here {
+                self.blocks[above as usize].state = State::Away;
             }
         }
         self.viewer.evictions += 1;
@@ -347,6 +392,33 @@ impl FileClient {
     /// The same, for who draws it.
     pub fn viewer_mut(&mut self) -> &mut Viewer {
         &mut self.viewer
+    }
+    /// Hack.
+    pub fn hack(&self, other: &pmesh_core::hierarchy::Front) {
+        let front = &self.viewer.front;
+        let roots = front.root_count();
+        let mut per = std::collections::BTreeMap::<usize, (usize, usize, std::collections::BTreeSet<u32>, [usize; 11])>::new();
+        let mut blk = std::collections::BTreeMap::<u32, (usize, usize)>::new();
+        for (n, &b) in self.block_of.iter().enumerate() {
+            let parent = front.node(roots + 2 * n as u32).unwrap().parent;
+            let id = front.id(parent);
+            let needed = other.find(id).and_then(|i| other.node(i)).is_some_and(|k| k.child != NONE);
+            let e = per.entry(self.chain(b).count()).or_default();
+            e.0 += 1;
+            e.1 += usize::from(needed);
+            e.2.insert(b);
+            let e = blk.entry(b).or_default();
+            e.0 += 1;
+            e.1 += usize::from(needed);
+        }
+        for (b, (n, k)) in blk {
+            per.get_mut(&self.chain(b).count()).unwrap().3[k * 10 / n] += 1;
+        }
+        let all = per.values().fold((0, 0), |a, p| (a.0 + p.0, a.1 + p.1));
+        eprintln!("fetched {} needed {} = {:.2}", all.0, all.1, all.0 as f64 / all.1 as f64);
+        for (d, p) in per {
+            eprintln!("   depth {d}: blocks {} fetched {} needed {} {:?}", p.2.len(), p.0, p.1, p.3);
+        }
     }
     /// Requests made, and bytes received.
     pub fn traffic(&self) -> (u64, u64) {

@@ -17,12 +17,13 @@ mod file_client;
 pub mod message;
 mod model;
 mod numbers;
+mod pack;
+mod patch;
 mod session;
 mod sides;
 pub mod splits;
 mod tags;
 mod viewer;
-mod ways;
 
 pub use base::Base;
 pub use client::Client;

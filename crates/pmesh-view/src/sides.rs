@@ -1,16 +1,15 @@
-//! The two ends of a packet or a block, while it is written or read: what each knows, in the same words.
+//! The two ends of a packet, while it is written or read: what each knows, in the same words.
 
 use crate::error::ProtocolError;
 use crate::model::Model;
 use crate::numbers::SIZES;
-use crate::splits::split_of;
 use crate::tags::ActiveTags;
 use pmesh_codec::compact::RingSplit;
 use pmesh_codec::pmesh::Quantisation;
-use pmesh_core::hierarchy::{Bounds, Front, NONE, NodeId, Split};
+use pmesh_core::hierarchy::{Bounds, Front, NONE, Split};
 use rustc_hash::FxHashSet;
 
-/// One end of a packet or a block, while it is written or read: what the client has so far.
+/// One end of a packet or a block, while it is written or read: what the other has so far.
 pub(crate) trait Side {
     fn roots(&self) -> u32;
     /// The first child of a node that has them here.
@@ -21,18 +20,6 @@ pub(crate) trait Side {
     fn is_wanted(&self, i: u32) -> bool;
     fn grid(&self) -> &Quantisation;
     fn unit(&self) -> f64;
-}
-
-/// One end of a block, where cuts are told by the ways to them.
-pub(crate) trait Ways: Side {
-    fn parent(&self, i: u32) -> Option<u32>;
-    fn id(&self, i: u32) -> NodeId;
-    /// Of a node with children.
-    fn cuts(&self, i: u32) -> [Option<NodeId>; 2];
-    /// The writer: what is to be said of a node's split.
-    fn truth(&self, i: u32) -> Option<Split>;
-    /// Has the children from now on; gives the first.
-    fn add(&mut self, i: u32, split: &Split) -> Result<u32, ProtocolError>;
 }
 
 /// The end that has the model.
@@ -70,43 +57,12 @@ impl Side for Writing<'_> {
     }
 }
 
-impl Ways for Writing<'_> {
-    fn parent(&self, i: u32) -> Option<u32> {
-        Some(self.model.hierarchy().nodes()[i as usize].parent).filter(|&p| p != NONE)
-    }
-    fn id(&self, i: u32) -> NodeId {
-        self.model.hierarchy().id(i).unwrap_or(NodeId::root(0))
-    }
-    fn cuts(&self, i: u32) -> [Option<NodeId>; 2] {
-        self.model.cuts(i)
-    }
-    fn truth(&self, i: u32) -> Option<Split> {
-        Some(split_of(self.model, i))
-    }
-    fn add(&mut self, i: u32, _: &Split) -> Result<u32, ProtocolError> {
-        self.done.insert(i);
-        Ok(self.model.hierarchy().nodes()[i as usize].child)
-    }
-}
-
 /// The end that learns.
 pub(crate) struct Reading<'a> {
     pub(crate) front: &'a mut Front,
     pub(crate) grid: &'a Quantisation,
     /// Nodes of the whole hierarchy.
     pub(crate) total: u64,
-    pub(crate) scope: Option<Scope<'a>>,
-}
-
-/// What a block may be told by, of all that the client knows.
-pub(crate) struct Scope<'a> {
-    /// Block of each split that is known, in their order.
-    pub(crate) block_of: &'a mut Vec<u32>,
-    pub(crate) block: u32,
-    /// The blocks above it.
-    pub(crate) chain: Vec<u32>,
-    /// Nodes whose split has been read.
-    pub(crate) done: FxHashSet<u32>,
 }
 
 impl Side for Reading<'_> {
@@ -114,10 +70,7 @@ impl Side for Reading<'_> {
         self.front.root_count()
     }
     fn child(&self, i: u32) -> Option<u32> {
-        let child = self.front.node(i).map(|n| n.child).filter(|&c| c != NONE)?;
-        let Some(scope) = &self.scope else { return Some(child) };
-        let block = scope.block_of.get((child - self.front.root_count()) as usize / 2);
-        (scope.done.contains(&i) || block.is_some_and(|b| scope.chain.contains(b))).then_some(child)
+        self.front.node(i).map(|n| n.child).filter(|&c| c != NONE)
     }
     fn row(&self, i: u32) -> [i32; 3] {
         self.front.node(i).map_or([0; 3], |n| self.grid.position_row(n.position))
@@ -133,39 +86,6 @@ impl Side for Reading<'_> {
     }
     fn unit(&self) -> f64 {
         self.front.unit()
-    }
-}
-
-impl Ways for Reading<'_> {
-    fn parent(&self, i: u32) -> Option<u32> {
-        self.front.node(i).map(|n| n.parent).filter(|&p| p != NONE)
-    }
-    fn id(&self, i: u32) -> NodeId {
-        self.front.id(i)
-    }
-    fn cuts(&self, i: u32) -> [Option<NodeId>; 2] {
-        self.front.node(i).map_or([None; 2], |n| n.cuts)
-    }
-    fn truth(&self, _: u32) -> Option<Split> {
-        None
-    }
-    fn add(&mut self, i: u32, split: &Split) -> Result<u32, ProtocolError> {
-        if let Some(scope) = &mut self.scope {
-            scope.done.insert(i);
-            // A part of a block may be here already.
-            if let Some(child) = self.front.node(i).map(|n| n.child).filter(|&c| c != NONE) {
-                return Ok(child);
-            }
-        }
-        let child = self.front.known() as u32;
-        if u64::from(child) + 2 > self.total {
-            return Err(ProtocolError::Unexpected("more nodes than the base mesh announces"));
-        }
-        self.front.learn(split)?;
-        if let Some(scope) = &mut self.scope {
-            scope.block_of.push(scope.block);
-        }
-        Ok(child)
     }
 }
 
@@ -245,7 +165,7 @@ impl Side for Sending<'_> {
         }
         // What the other end takes them for.
         let (mut at, mut steps) = (i, 0);
-        while let Some(parent) = self.writing.parent(at) {
+        while let Some(parent) = self.writing.model.hierarchy().node(at).map(|n| n.parent).filter(|&p| p != NONE) {
             (at, steps) = (parent, steps + 1);
         }
         (0..steps).fold(self.writing.bounds(at), |b, _| assumed(&b))
@@ -301,7 +221,12 @@ impl Known for Reading<'_> {
     fn told(&mut self, i: u32, told: &Told) -> Result<u32, ProtocolError> {
         let cuts = told.cuts.map(|c| c.map(|c| self.front.id(c)));
         let position = self.grid.position_of_row(told.ring.place);
-        self.add(i, &Split { id: self.front.id(i), cuts, position, bounds: told.bounds })
+        let child = self.front.known() as u32;
+        if u64::from(child) + 2 > self.total {
+            return Err(ProtocolError::Unexpected("more nodes than the base mesh announces"));
+        }
+        self.front.learn(&Split { id: self.front.id(i), cuts, position, bounds: told.bounds })?;
+        Ok(child)
     }
 }
 

@@ -64,9 +64,9 @@ pub struct SplitModels {
     rings: RingModel,
     leaf: [[Chance; SIZES]; 2],
     bounds: FanBounds,
-    /// Scratch.
-    ring: Ring,
-    about: Vec<u32>,
+    /// Scratch: those about the node at hand.
+    pub(crate) ring: Ring,
+    pub(crate) about: Vec<u32>,
 }
 
 impl Default for SplitModels {
@@ -134,7 +134,7 @@ pub fn read(
     bytes: &[u8],
 ) -> Result<u32, ProtocolError> {
     let mut coder = RangeDecoder::new(bytes.to_vec());
-    walk(&mut coder, models, &mut Reading { front, total, grid, scope: None }, 0)
+    walk(&mut coder, models, &mut Reading { front, total, grid }, 0)
 }
 
 /// Where the walk is: a node that was there before, in or below which something is to come; a new child; one that has waited.
@@ -232,7 +232,7 @@ fn ready(side: &mut dyn Known, waiting: &[u32], about: &mut Vec<u32>) -> usize {
 }
 
 /// Codes the split of a node whose neighbours are at hand.
-fn code<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &dyn Known, i: u32) -> Result<Told, ProtocolError> {
+pub(crate) fn code<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &dyn Known, i: u32) -> Result<Told, ProtocolError> {
     let (bounds, size) = (side.bounds(i), size_of_node(side, i));
     let about = std::mem::take(&mut m.about);
     let truth = side.truth_told(i, &about);
@@ -263,19 +263,31 @@ fn code<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &dyn Known, i: u32) 
     m.spent.positions += m.rings.spent[1] - before[1];
     let start = coder.position();
     let fans = if m.cuts_only { [Fan::default(); 2] } else { fans(side, &m.ring, &ring) };
+    let children = code_bounds(coder, m, (&bounds, size), &fans, truth.map(|t| t.1));
+    m.spent.bounds += coder.position() - start;
+    let cuts = ring.cuts.map(|c| c.and_then(|c| m.about.get(c as usize).copied()));
+    Ok(Told { ring, cuts, bounds: children })
+}
+
+/// Codes the bounds of both children.
+pub(crate) fn code_bounds<C: Coder>(
+    coder: &mut C,
+    m: &mut SplitModels,
+    (bounds, size): (&Bounds, usize),
+    fans: &[Fan; 2],
+    truth: Option<[Bounds; 2]>,
+) -> [Bounds; 2] {
     let mut children = [Bounds::default(); 2];
     for k in 0..2 {
-        let b = truth.map_or(Bounds::default(), |t| t.1[k]);
+        let b = truth.map_or(Bounds::default(), |t| t[k]);
         if coder.bit(&mut m.leaf[k][size], b.is_leaf()) {
             continue;
         }
         let first = (k == 1 && !children[0].is_leaf()).then_some(children[0]);
         children[k] =
-            if m.cuts_only { assumed(&bounds) } else { m.bounds.code(coder, (k, size), (&bounds, first.as_ref()), &fans[k], &b) };
+            if m.cuts_only { assumed(bounds) } else { m.bounds.code(coder, (k, size), (bounds, first.as_ref()), &fans[k], &b) };
     }
-    m.spent.bounds += coder.position() - start;
-    let cuts = ring.cuts.map(|c| c.and_then(|c| m.about.get(c as usize).copied()));
-    Ok(Told { ring, cuts, bounds: children })
+    children
 }
 
 /// The fans of both children.
