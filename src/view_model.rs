@@ -253,7 +253,7 @@ impl ViewModel {
             ("bytesUp", up as f64),
             ("bytesDown", down as f64),
             ("requests", requests as f64),
-            ("memoryBytes", front.memory_bytes() as f64),
+            ("memoryBytes", viewer.memory_bytes() as f64),
             ("evictions", viewer.evictions() as f64),
             ("moving", f64::from(front.under_way().moving)),
             ("coarser", (f64::from(viewer.allowance()) / 4.0).exp2()),

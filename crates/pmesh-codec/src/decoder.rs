@@ -120,7 +120,7 @@ impl Sniffer {
                     "a file for views: <p-mesh src=\"…\" view-dependent> shows it, pmesh decode makes a mesh of it".into();
                 return Err(DecodeError::Syntax { place: Place::Byte(signature.len() as u64), message });
             }
-            if seen.get(signature.len()) == Some(&crate::pmesh::OLD_VIEWS_VERSION) {
+            if seen.get(signature.len()).is_some_and(|v| crate::pmesh::OLD_VIEWS_VERSIONS.contains(v)) {
                 let message = "a file for views of an earlier version: encode the mesh once more, by pmesh encode MESH -o FILE.pmesh --profile views".into();
                 return Err(DecodeError::Syntax { place: Place::Byte(signature.len() as u64), message });
             }

@@ -141,7 +141,7 @@ fn run(mesh: &IndexedMesh, name: &str, plots: Option<&Path>) -> Outcome<serde_js
     let middle = [(low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0, high[2]];
     let above = [middle[0], high[1] - 0.12 * (high[1] - low[1]), high[2]];
     let start = Instant::now();
-    let (packed, sp) = write_file(&model)?; eprintln!("spent bytes {:?}", [sp.names,sp.positions,sp.cuts,sp.bounds].map(|x| (x/8.0) as u64));
+    let (packed, _) = write_file(&model)?;
     let seconds = start.elapsed().as_secs_f64();
     let (mut client, mut session) = (Client::new(name), None);
     settle(&mut client, &mut session, &model, &View::everything())?;
@@ -178,7 +178,7 @@ fn run(mesh: &IndexedMesh, name: &str, plots: Option<&Path>) -> Outcome<serde_js
         );
         let mut blocks = FileClient::default();
         settle_file(&mut blocks, &packed, &view)?;
-        let (requests, fetched) = blocks.traffic(); blocks.hack(client.front());
+        let (requests, fetched) = blocks.traffic();
         println!(
             "    from the file: {requests} requests, {fetched} bytes, {:.2} x a session's; {:.2} x without views",
             fetched as f64 / down as f64,

@@ -7,7 +7,7 @@
 use crate::error::ProtocolError;
 use crate::fans::Fan;
 use crate::numbers::{Number, SIZES, number, syntax};
-use crate::patch::{Local, Way};
+use crate::patch::{Local, Longer, Way};
 use crate::sides::{Known, Side, size_of_node};
 use crate::splits::{Spent, SplitModels, code, code_bounds};
 use pmesh_codec::range::{Chance, Coder};
@@ -58,13 +58,21 @@ fn rank(b: &Bounds, tries: usize, i: u32) -> (u8, u8, Reverse<u32>) {
     (b.uniform.max(b.directional).saturating_sub(LATER * tries as u8), b.radius, Reverse(i))
 }
 
-/// Codes `count` splits below the first `roots` nodes of a patch, and gives the names of their cuts. Errors: a block that cannot be.
+/// What a block says of cuts.
+pub(crate) struct Told {
+    /// Of each split: ways to them, which end at leaves or at nodes where blocks below this one go on.
+    pub(crate) cuts: Vec<[Option<NodeId>; 2]>,
+    /// Of splits of the blocks above.
+    pub(crate) longer: Vec<Longer>,
+}
+
+/// Codes `count` splits below the roots of a patch. Errors: a block that cannot be.
 pub(crate) fn code_block<C: Coder>(
     coder: &mut C,
     m: &mut BlockModels,
     local: &mut Local,
-    (roots, count): (u32, u32),
-) -> Result<Vec<[Option<NodeId>; 2]>, ProtocolError> {
+    count: u32,
+) -> Result<Told, ProtocolError> {
     let mut next = BinaryHeap::new();
     let push = |next: &mut BinaryHeap<_>, local: &Local, i: u32, tries: usize| {
         let bounds = local.bounds(i);
@@ -72,7 +80,7 @@ pub(crate) fn code_block<C: Coder>(
             next.push((rank(&bounds, tries, i), tries));
         }
     };
-    (0..roots).for_each(|i| push(&mut next, local, i, 0));
+    (0..local.root_count()).for_each(|i| push(&mut next, local, i, 0));
     let mut done = 0;
     while done < count {
         let Some(((.., Reverse(i)), tries)) = next.pop() else { return syntax(coder, "more splits than there can be") };
@@ -100,20 +108,24 @@ pub(crate) fn code_block<C: Coder>(
         [child, child + 1].into_iter().for_each(|c| push(&mut next, local, c, 0));
     }
     let start = coder.position();
-    let mut cuts = Vec::with_capacity(count as usize);
-    for s in 0..local.splits().len() {
-        let split = local.splits()[s];
-        let (ways, names) = (local.ways(&split), local.cut_names(split.node));
-        let mut told = [None; 2];
-        for (k, way) in ways.iter().enumerate() {
-            if let Some(way) = way {
-                told[k] = Some(rest(coder, m, local, *way, names[k])?);
-            }
+    let mut told = Told { cuts: Vec::with_capacity(local.splits().len()), longer: Vec::new() };
+    for split in local.splits() {
+        let names = local.cut_names(split.node);
+        let mut cuts = [None; 2];
+        for (k, way) in local.ways(split).into_iter().enumerate() {
+            let Some(way) = way else { continue };
+            let is_said = split.told.is_none() && local.goes_on(way);
+            cuts[k] = Some(if is_said { way.0 } else { rest(coder, m, local, way, names[k])? });
         }
-        cuts.push(told);
+        told.cuts.push(cuts);
+    }
+    for (split, k, way) in local.open_cuts() {
+        let name = local.cut_name(split, k);
+        let cut = if local.goes_on(way) { way.0 } else { rest(coder, m, local, way, name)? };
+        told.longer.push((split, k, cut));
     }
     m.splits.spent.cuts += coder.position() - start;
-    Ok(cuts)
+    Ok(told)
 }
 
 /// A split that the mesh cannot follow.

@@ -1,4 +1,4 @@
-//! A hierarchy as a file of blocks: `.pmesh`, version 2. docs/FORMAT.md has every byte.
+//! A hierarchy as a file of blocks: `.pmesh`, version 4. docs/FORMAT.md has every byte.
 
 use crate::base::Base;
 use crate::error::ProtocolError;

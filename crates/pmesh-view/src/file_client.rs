@@ -3,12 +3,12 @@
 use crate::blocks::{BlockModels, code_block};
 use crate::error::ProtocolError;
 use crate::file::{Block, Head};
-use crate::pack::{BLOCK_SPLITS, first_roots};
+use crate::pack::{BLOCK_SPLITS, FIRST_SPLITS, first_roots};
 use crate::patch::{Local, Patch, Place};
 use crate::sides::Side;
 use crate::viewer::{Limits, SPLIT_BYTES, SPLITS_A_BYTE, Viewer};
 use pmesh_codec::range::RangeDecoder;
-use pmesh_core::hierarchy::{Bounds, NONE, Progress, Split, View};
+use pmesh_core::hierarchy::{Bounds, NONE, NodeId, Progress, Split, View};
 
 /// Bytes of the first request: a base mesh, and often the first blocks.
 const FIRST_BYTES: u64 = 16 << 10;
@@ -17,6 +17,8 @@ const REQUEST_BYTES: u64 = 64 << 10;
 /// Most nodes and triangles that blocks begin with, and how many more for each byte: real ones have some two.
 const WORK_LIMIT: usize = 1 << 22;
 const WORK_A_BYTE: usize = 1 << 8;
+/// Looks at nodes that unpacking a block counts as: both take a millisecond or so.
+const LOOKS_A_BLOCK: u32 = 1 << 9;
 /// Requests at a time.
 const REQUESTS: usize = 4;
 
@@ -31,7 +33,7 @@ struct Known {
     children: u32,
     /// What it is told by, once the block above it is here.
     patch: Option<Patch>,
-    /// Its bytes, until it is unpacked.
+    /// Its bytes.
     bytes: Option<Vec<u8>>,
     state: State,
 }
@@ -70,6 +72,8 @@ pub struct FileClient {
     view: Option<View>,
     /// What the first block has taught.
     prior: Option<BlockModels>,
+    /// Nodes looked at since something was loaded.
+    looked: usize,
     /// Sizes of the patches that were split.
     work: usize,
     /// Most blocks one above the other.
@@ -142,10 +146,8 @@ impl FileClient {
                 });
             };
             self.keep(b, block);
-            if !self.load(b)? {
-                // What it is told by was forgotten meanwhile.
-                self.blocks[b as usize].state = State::Away;
-            }
+            // It is unpacked when the front wants it.
+            self.blocks[b as usize].state = State::Away;
         }
         Ok(())
     }
@@ -171,7 +173,12 @@ impl FileClient {
         if head.first.map_or(0, |b| b.roots as usize) != roots.len() {
             return Err(ProtocolError::Unexpected("a first block of other roots than the base mesh has"));
         }
-        let patch = Patch::of_base(roots, head.base.positions.len() as u32, &head.base.triangles);
+        let base = &head.base;
+        let place = |i: u32| {
+            let (p, bounds) = (base.positions[i as usize], base.bounds[i as usize]);
+            Place { id: NodeId::root(i), row: base.grid.position_row(p), bounds }
+        };
+        let patch = Patch::of_base(roots, (base.positions.len() as u32, &base.triangles), place);
         self.viewer.begin(head.base)?;
         self.blocks.extend(head.first.map(|block| Known::new(block, NONE)));
         if head.first.is_some() {
@@ -185,13 +192,37 @@ impl FileClient {
         let (start, length) = self.place(b);
         let Ok(from) = usize::try_from(start) else { return };
         if let Some(bytes) = self.beginning.get(from..from.saturating_add(length as usize)) {
-            self.blocks[b as usize].bytes = Some(bytes.to_vec());
+            let bytes = bytes.to_vec();
+            self.keep(b, &bytes);
         }
     }
     /// Block `b` begins there.
     fn begin_at(&mut self, b: u32, patch: Patch) {
-        patch.roots().iter().for_each(|&i| self.enter(i, b));
-        self.blocks[b as usize].patch = Some(patch);
+        patch.roots.iter().for_each(|&i| self.enter(i, b));
+        self.viewer.beside += patch.memory_bytes();
+        let before = self.blocks[b as usize].patch.replace(patch);
+        self.viewer.beside -= before.map_or(0, |p| p.memory_bytes());
+    }
+    /// The way to a cut ends there for now. Where a block that goes on with it was here before the one that says so, it must say its part again.
+    fn ends_at(&mut self, cut: NodeId) {
+        let front = &self.viewer.front;
+        let Some((at, node)) = front.find(cut).and_then(|i| Some((i, front.node(i)?))) else { return };
+        let split = node.child.checked_sub(front.root_count()).filter(|_| node.child != NONE);
+        if let Some(&b) = split.and_then(|s| self.block_of.get(s as usize / 2)) {
+            self.leave(b);
+            self.enter(at, b);
+        }
+    }
+    /// A block is needed again: if nobody knows where it begins, the one above it, too.
+    fn leave(&mut self, b: u32) {
+        let mut at = b;
+        while at != NONE {
+            let Known { state, patch, above, .. } = &mut self.blocks[at as usize];
+            if *state == State::Here {
+                *state = State::Away;
+            }
+            at = if patch.is_some() { NONE } else { *above };
+        }
     }
     fn enter(&mut self, node: u32, b: u32) {
         self.entry.resize(self.entry.len().max(node as usize + 1), NONE);
@@ -202,9 +233,10 @@ impl FileClient {
         let block = self.blocks[b as usize].block;
         (block.start, block.length)
     }
-    /// Keeps the bytes of a block until they are needed.
+    /// Keeps the bytes of a block: for when they are needed, and needed again.
     pub(crate) fn keep(&mut self, b: u32, bytes: &[u8]) {
-        if self.blocks[b as usize].state != State::Here {
+        if self.blocks[b as usize].bytes.is_none() {
+            self.viewer.beside += bytes.len();
             self.blocks[b as usize].bytes = Some(bytes.to_vec());
         }
     }
@@ -214,11 +246,11 @@ impl FileClient {
         if self.blocks[b as usize].state == State::Here {
             return Ok(true);
         }
-        let Some(bytes) = self.blocks[b as usize].bytes.take() else { return Ok(false) };
-        let known = &self.blocks[b as usize];
-        let Some(patch) = &known.patch else { return Ok(false) };
-        let (block, child, children) = (known.block, known.child, known.children);
-        let (below, bytes) = block.open(&bytes)?;
+        let Known { block, child, children, patch: Some(patch), bytes: Some(bytes), .. } = &self.blocks[b as usize] else {
+            return Ok(false);
+        };
+        let (block, child, children) = (*block, *child, *children);
+        let (below, bytes) = block.open(bytes)?;
         // When it comes again it must be what it was.
         let same = child as usize..(child as usize).saturating_add(below.len());
         if child != NONE
@@ -239,12 +271,13 @@ impl FileClient {
         };
         let mut local = Local::new(patch, (&v.grid, front.unit()), place)?;
         let mut coder = RangeDecoder::new(bytes.to_vec());
-        let mut models = self.prior.clone().unwrap_or_default();
-        let cuts = code_block(&mut coder, &mut models, &mut local, (patch.roots, block.splits))?;
+        let mut models = self.prior.clone().filter(|_| b != 0).unwrap_or_default();
+        let told = code_block(&mut coder, &mut models, &mut local, block.splits)?;
         if b == 0 {
             self.prior = Some(models);
         }
-        for (s, cuts) in cuts.into_iter().enumerate() {
+        let mut open: Vec<NodeId> = told.longer.iter().map(|l| l.2).collect();
+        for (s, cuts) in told.cuts.into_iter().enumerate() {
             let node = local.splits()[s].node;
             let parent = local.number(node);
             // A part of a block may be here already.
@@ -259,17 +292,21 @@ impl FileClient {
                     v.front.learn(&Split { id: local.id(node), cuts, position, bounds })?;
                     self.block_of.push(b);
                     v.splits += 1;
+                    open.extend(cuts.into_iter().flatten());
                     child
                 }
                 child => child,
             };
             local.set_number(local.child_of(node), child);
         }
+        for (split, k, cut) in told.longer {
+            v.front.lengthen_cut(split, k, cut);
+        }
         // The same bytes may be named again and again, and grow without end.
         if self.block_of.len() as u64 > SPLITS_A_BYTE * self.bytes {
             return Err(ProtocolError::Unexpected("more splits than its bytes can hold"));
         }
-        let ends = local.ends(patch.roots);
+        let ends = local.ends();
         if below.iter().map(|c| u64::from(c.roots)).sum::<u64>() != ends.len() as u64 {
             return Err(ProtocolError::Unexpected("blocks below one of other roots than it ends at"));
         }
@@ -293,6 +330,7 @@ impl FileClient {
                 self.begin_at(c, patch);
             }
         }
+        open.into_iter().for_each(|cut| self.ends_at(cut));
         self.blocks[b as usize].state = State::Here;
         self.deepest = self.deepest.max(self.chain(b).count() + 1);
         Ok(true)
@@ -309,29 +347,46 @@ impl FileClient {
             self.view = Some(view);
             self.blocks.iter_mut().filter(|b| b.state == State::Wanted).for_each(|b| b.state = State::Away);
         }
+        self.looked = self.looked.saturating_add(progress.looked as usize);
+        // What was loaded stays until the front has had its chance to split there.
+        let is_new = self.is_waiting() || self.looked < self.viewer.front.len();
+        let on_the_way = (self.deepest * BLOCK_SPLITS as usize + FIRST_SPLITS as usize) * 2 * SPLIT_BYTES;
+        if self.viewer.is_over(if is_new { on_the_way } else { 0 }) {
+            self.forget();
+        }
         let entered = |&node: &u32| self.entry.get(node as usize).copied().filter(|&b| b != NONE);
         let mut targets: Vec<u32> = self.viewer.front.take_wanted().iter().filter_map(entered).collect();
         targets.sort_unstable();
         targets.dedup();
-        if self.viewer.is_over(0) {
-            // Where room is short, one at a time, so that the blocks on the way there are not in each other's.
-            targets.truncate(1);
-        }
-        // Where something was forgotten: the block above first that says where it begins.
-        let missing = |b: u32| self.chain(b).find(|&b| self.blocks[b as usize].patch.is_some());
-        let mut coarse: Vec<u32> = targets.into_iter().filter_map(missing).collect();
-        coarse.sort_unstable();
-        coarse.dedup();
-        for b in coarse {
-            if !self.load(b)? && self.blocks[b as usize].state == State::Away {
-                self.blocks[b as usize].state = State::Wanted;
+        let most = (budget / LOOKS_A_BLOCK).max(1);
+        let mut unpacked = 0;
+        for target in targets {
+            unpacked += self.approach(target, unpacked < most)?;
+            // Where memory is short, one at a time.
+            if unpacked > 0 && self.viewer.is_over(0) {
+                break;
             }
         }
-        let on_the_way = self.deepest * BLOCK_SPLITS as usize * SPLIT_BYTES;
-        if self.viewer.is_over(if self.is_waiting() { on_the_way } else { 0 }) {
-            self.forget();
-        }
         Ok(progress)
+    }
+    /// Unpacks a block, and what is missing above it, if that is allowed and their bytes are here; wants the first whose bytes are not. Gives how many were unpacked.
+    fn approach(&mut self, target: u32, may_unpack: bool) -> Result<u32, ProtocolError> {
+        let mut unpacked = 0;
+        // Where something was forgotten, the nearest block above that is known to begin somewhere.
+        loop {
+            let Some(b) = self.chain(target).find(|&b| self.blocks[b as usize].patch.is_some()) else { break };
+            let block = &mut self.blocks[b as usize];
+            match (block.state, block.bytes.is_some()) {
+                (State::Away, false) => block.state = State::Wanted,
+                (State::Wanted | State::UnderWay, false) | (State::Here, _) => break,
+                _ if !may_unpack || !self.load(b)? => break,
+                _ => {
+                    unpacked += 1;
+                    self.looked = 0;
+                }
+            }
+        }
+        Ok(unpacked)
     }
     fn forget(&mut self) {
         let front = &mut self.viewer.front;
@@ -361,15 +416,15 @@ impl FileClient {
         for block in &mut self.blocks {
             let patch = block.patch.take();
             block.patch = patch.and_then(|p| p.renamed(node));
-            block.bytes = None;
         }
-        // Who is not here, and begins where nobody knows, needs the block above again.
-        for b in (0..self.blocks.len()).rev() {
-            let Known { state, above, .. } = self.blocks[b];
-            if state != State::Here && self.blocks[b].patch.is_none() && above != NONE && self.blocks[above as usize].state == State::Here {
-                self.blocks[above as usize].state = State::Away;
-            }
+        // Bytes are some fiftieth of what they become: they stay, unless even they are too many. The first block is above all.
+        let kept = |blocks: &[Known]| blocks.iter().flat_map(|b| &b.bytes).map(Vec::len).sum::<usize>();
+        if kept(&self.blocks) > self.viewer.limits().memory / 4 {
+            self.blocks.iter_mut().skip(1).for_each(|b| b.bytes = None);
         }
+        self.viewer.beside = kept(&self.blocks) + self.blocks.iter().flat_map(|b| &b.patch).map(Patch::memory_bytes).sum::<usize>();
+        let away: Vec<u32> = (0..self.block_count()).filter(|&b| self.blocks[b as usize].state != State::Here).collect();
+        away.into_iter().for_each(|b| self.leave(b));
         self.viewer.evictions += 1;
     }
     /// What the client may take from now on.
@@ -392,33 +447,6 @@ impl FileClient {
     /// The same, for who draws it.
     pub fn viewer_mut(&mut self) -> &mut Viewer {
         &mut self.viewer
-    }
-    /// Hack.
-    pub fn hack(&self, other: &pmesh_core::hierarchy::Front) {
-        let front = &self.viewer.front;
-        let roots = front.root_count();
-        let mut per = std::collections::BTreeMap::<usize, (usize, usize, std::collections::BTreeSet<u32>, [usize; 11])>::new();
-        let mut blk = std::collections::BTreeMap::<u32, (usize, usize)>::new();
-        for (n, &b) in self.block_of.iter().enumerate() {
-            let parent = front.node(roots + 2 * n as u32).unwrap().parent;
-            let id = front.id(parent);
-            let needed = other.find(id).and_then(|i| other.node(i)).is_some_and(|k| k.child != NONE);
-            let e = per.entry(self.chain(b).count()).or_default();
-            e.0 += 1;
-            e.1 += usize::from(needed);
-            e.2.insert(b);
-            let e = blk.entry(b).or_default();
-            e.0 += 1;
-            e.1 += usize::from(needed);
-        }
-        for (b, (n, k)) in blk {
-            per.get_mut(&self.chain(b).count()).unwrap().3[k * 10 / n] += 1;
-        }
-        let all = per.values().fold((0, 0), |a, p| (a.0 + p.0, a.1 + p.1));
-        eprintln!("fetched {} needed {} = {:.2}", all.0, all.1, all.0 as f64 / all.1 as f64);
-        for (d, p) in per {
-            eprintln!("   depth {d}: blocks {} fetched {} needed {} {:?}", p.2.len(), p.0, p.1, p.3);
-        }
     }
     /// Requests made, and bytes received.
     pub fn traffic(&self) -> (u64, u64) {

@@ -2,6 +2,7 @@
 
 use crate::base::{self, Base};
 use crate::error::ProtocolError;
+use crate::patch::Place;
 use pmesh_codec::pmesh::Quantisation;
 use pmesh_core::hierarchy::{Bounds, NONE, Node, NodeId, VertexHierarchy};
 use rustc_hash::FxHashMap;
@@ -114,6 +115,11 @@ impl Model {
     /// Where a node is, on the grid.
     pub(crate) fn row(&self, i: u32) -> [i32; 3] {
         self.grid.position_row(self.hierarchy.position(i))
+    }
+    /// What is to be known of a node.
+    pub(crate) fn place(&self, i: u32) -> Place {
+        let bounds = self.hierarchy.node(i).map_or(Bounds::default(), |n| n.bounds);
+        Place { id: self.hierarchy.id(i).unwrap_or(NodeId::root(0)), row: self.row(i), bounds }
     }
     /// Names of a node's cuts.
     pub(crate) fn cuts(&self, i: u32) -> [Option<NodeId>; 2] {

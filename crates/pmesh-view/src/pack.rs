@@ -13,6 +13,8 @@ use pmesh_core::hierarchy::{Bounds, NONE};
 
 /// Splits of a block, about half a kilobyte: those that lie side by side are fetched together, and what a view does not need stays little.
 pub(crate) const BLOCK_SPLITS: u32 = 128;
+/// The same of the first block. Every view needs nearly all of it, and the others begin with what it has taught.
+pub(crate) const FIRST_SPLITS: u32 = 2048;
 /// Blocks below a block. More are fewer requests one after the other, and more that a view does not need.
 const FANOUT: u64 = 2;
 /// Most splits that a block may announce.
@@ -58,23 +60,24 @@ pub(crate) fn pack(model: &Model) -> Result<(Vec<Packed>, Spent), ProtocolError>
     let positions: Vec<_> = (0..h.root_count()).map(|i| h.position(i)).collect();
     let bounds: Vec<_> = nodes[..positions.len()].iter().map(|n| n.bounds).collect();
     let first = first_roots(&positions, &bounds, model.extent());
-    let mut plan = if first.is_empty() { Vec::new() } else { vec![Patch::of_base(first, h.root_count(), h.base_triangles())] };
+    let mut plan = if first.is_empty() { Vec::new() } else { vec![Patch::of_base(first, (h.root_count(), h.base_triangles()), |i| model.place(i))] };
     let (mut packed, mut spent) = (Vec::<Packed>::new(), Spent::default());
     let mut prior = BlockModels::default();
     let mut at = 0;
     while at < plan.len() {
         let patch = std::mem::take(&mut plan[at]);
         let mut local = Local::of(&patch, model)?;
-        let all: u64 = patch.roots().iter().map(|&i| weight[i as usize]).sum();
-        let splits = all.min(BLOCK_SPLITS.into()) as u32;
+        let all: u64 = patch.roots.iter().map(|&i| weight[i as usize]).sum();
+        let most = if at == 0 { FIRST_SPLITS } else { BLOCK_SPLITS };
+        let splits = all.min(most.into()) as u32;
         let (mut models, mut coder) = (prior.clone(), Encoder::new());
-        code_block(&mut coder, &mut models, &mut local, (patch.roots, splits))?;
+        code_block(&mut coder, &mut models, &mut local, splits)?;
         spent.add(&models.take_spent());
         if at == 0 {
             prior = models;
         }
         // Runs of about the same weight.
-        let ends = local.ends(patch.roots);
+        let ends = local.ends();
         let weight_of = |i: u32, local: &Local| weight[local.number(i) as usize];
         let all: u64 = ends.iter().map(|&i| weight_of(i, &local)).sum();
         let count = all.div_ceil(u64::from(BLOCK_SPLITS)).min(FANOUT);
@@ -88,7 +91,7 @@ pub(crate) fn pack(model: &Model) -> Result<(Vec<Packed>, Spent), ProtocolError>
             }
         }
         let child = plan.len() as u32 - children as u32;
-        packed.push(Packed { bytes: coder.finish(), splits, roots: patch.roots, child, children: children as u32 });
+        packed.push(Packed { bytes: coder.finish(), splits, roots: patch.roots.len() as u32, child, children: children as u32 });
         at += 1;
     }
     Ok((packed, spent))

@@ -9,63 +9,72 @@ use crate::sides::{Known, Side, Told};
 use pmesh_codec::compact::RingSplit;
 use pmesh_codec::pmesh::Quantisation;
 use pmesh_core::hierarchy::{Bounds, Front, HierarchyError, NONE, NodeId, Split};
-use pmesh_core::turned;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-/// Nodes that a block begins at, and the mesh about them; nodes by their numbers at the end that has it.
+/// What is known of a node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Place {
+    pub(crate) id: NodeId,
+    pub(crate) row: [i32; 3],
+    pub(crate) bounds: Bounds,
+}
+
+/// Nodes that a block begins at, and the mesh about them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Patch {
-    /// First those that the block begins at, then those about them.
-    pub(crate) nodes: Vec<u32>,
-    pub(crate) roots: u32,
-    /// Corners are places in `nodes`.
+    /// The nodes that the block begins at, by their numbers at the end that has it.
+    pub(crate) roots: Vec<u32>,
+    /// Those about them, whatever becomes of them elsewhere.
+    rim: Vec<Place>,
+    /// Corners are places in both lists, the rim's behind the roots.
     triangles: Vec<[u32; 3]>,
     /// Places of nodes that the mesh has not, and of those that stand for them.
     stand_ins: Vec<[u32; 2]>,
+    open: Vec<OpenCut>,
 }
 
+/// A cut of a split of a block above, the way to which goes on in this one: to the node at a corner of a triangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct OpenCut {
+    triangle: u32,
+    corner: u8,
+    which: u8,
+    split: NodeId,
+}
+
+/// More of the way to a cut: the split, which of its cuts, and the way.
+pub(crate) type Longer = (NodeId, usize, NodeId);
+
 impl Patch {
-    /// All of the base mesh: the nodes `roots`, then the others of `count`.
-    pub(crate) fn of_base(roots: Vec<u32>, count: u32, triangles: &[[u32; 3]]) -> Self {
-        let mut place = vec![NONE; count as usize];
-        let first = roots.len() as u32;
-        let mut nodes = roots;
-        (0..first).for_each(|k| place[nodes[k as usize] as usize] = k);
+    /// All of the base mesh: the nodes `roots`, then the others of `count`, of which `place` knows.
+    pub(crate) fn of_base(roots: Vec<u32>, (count, triangles): (u32, &[[u32; 3]]), place: impl Fn(u32) -> Place) -> Self {
+        let mut places = vec![NONE; count as usize];
+        roots.iter().zip(0..).for_each(|(&i, k)| places[i as usize] = k);
+        let mut rim = Vec::new();
         for i in 0..count {
-            if place[i as usize] == NONE {
-                place[i as usize] = nodes.len() as u32;
-                nodes.push(i);
+            if places[i as usize] == NONE {
+                places[i as usize] = (roots.len() + rim.len()) as u32;
+                rim.push(place(i));
             }
         }
-        let triangles = triangles.iter().map(|t| t.map(|v| place[v as usize])).collect();
-        Self { nodes, roots: first, triangles, stand_ins: Vec::new() }
+        let triangles = triangles.iter().map(|t| t.map(|v| places[v as usize])).collect();
+        Self { roots, rim, triangles, ..Default::default() }
     }
-    /// The nodes that the block begins at.
-    pub(crate) fn roots(&self) -> &[u32] {
-        &self.nodes[..self.roots as usize]
-    }
-    /// Other numbers of the nodes; `None` if one of them has none.
+    /// Other numbers of the nodes that it begins at; `None` if one of them has none.
     pub(crate) fn renamed(mut self, number: impl Fn(u32) -> Option<u32>) -> Option<Self> {
-        for node in &mut self.nodes {
+        for node in &mut self.roots {
             *node = number(*node)?;
         }
         Some(self)
     }
     pub(crate) fn memory_bytes(&self) -> usize {
-        4 * self.nodes.len() + 12 * self.triangles.len() + 8 * self.stand_ins.len()
+        let nodes = 4 * self.roots.len() + size_of::<Place>() * self.rim.len();
+        nodes + 12 * self.triangles.len() + 8 * self.stand_ins.len() + size_of::<OpenCut>() * self.open.len()
     }
     /// About how much work it is to split it.
     pub(crate) fn size(&self) -> usize {
-        self.nodes.len() + self.triangles.len()
+        self.roots.len() + self.rim.len() + self.triangles.len()
     }
-}
-
-/// What is known of a node of a patch.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Place {
-    pub(crate) id: NodeId,
-    pub(crate) row: [i32; 3],
-    pub(crate) bounds: Bounds,
 }
 
 /// A node while its block is coded.
@@ -87,7 +96,7 @@ struct Node {
 pub(crate) struct BlockSplit {
     pub(crate) node: u32,
     /// Of one that the mesh could not follow: what its cuts were told by.
-    told: Option<[Option<Way>; 2]>,
+    pub(crate) told: Option<[Option<Way>; 2]>,
 }
 
 /// A way to a leaf, as far as the block knows it: a name, and the node that has it here, or [`NONE`].
@@ -101,42 +110,64 @@ pub(crate) struct Local<'a> {
     mesh: Front,
     /// Node of each node of the mesh.
     of_mesh: Vec<u32>,
+    /// Node of each split of the mesh.
+    followed: Vec<u32>,
     splits: Vec<BlockSplit>,
+    roots: u32,
+    base_triangles: u32,
+    open: Vec<OpenCut>,
     /// The writer's: all that there is, and the nodes here by their numbers there.
     truth: Option<(&'a Model, FxHashMap<u32, u32>)>,
 }
 
 impl<'a> Local<'a> {
-    /// `place` says what is known of a node by its number. Errors: a base mesh that is none.
+    /// `place` says what is known of a node that the block begins at, by its number. Errors: a base mesh that is none.
     pub(crate) fn new(
         patch: &Patch,
         (grid, unit): (&'a Quantisation, f64),
         place: impl Fn(u32) -> Place,
     ) -> Result<Self, ProtocolError> {
-        let count = patch.nodes.len();
+        let count = patch.roots.len() + patch.rim.len();
         let mut mesh = Front::new(vec![[0.0; 3]; count], &vec![Bounds::default(); count], patch.triangles.clone(), 1.0)?;
         mesh.follow_cuts();
-        let node = |(i, &number): (usize, &u32)| Node { place: place(number), child: NONE, at: i as u32, number, is_out: false };
-        let mut nodes: Vec<Node> = patch.nodes.iter().enumerate().map(node).collect();
+        let roots = patch.roots.iter().map(|&number| (place(number), number));
+        let all = roots.chain(patch.rim.iter().map(|&place| (place, NONE)));
+        let node = |((place, number), at)| Node { place, child: NONE, at, number, is_out: false };
+        let mut nodes: Vec<Node> = all.zip(0..).map(node).collect();
         for &[i, by] in &patch.stand_ins {
             (nodes[i as usize].at, nodes[i as usize].is_out) = (by, true);
         }
-        Ok(Self { grid, unit, nodes, mesh, of_mesh: (0..count as u32).collect(), splits: Vec::new(), truth: None })
+        Ok(Self {
+            grid,
+            unit,
+            nodes,
+            mesh,
+            of_mesh: (0..count as u32).collect(),
+            followed: Vec::new(),
+            splits: Vec::new(),
+            roots: patch.roots.len() as u32,
+            base_triangles: patch.triangles.len() as u32,
+            open: patch.open.clone(),
+            truth: None,
+        })
     }
     /// The same for the writer.
     pub(crate) fn of(patch: &Patch, model: &'a Model) -> Result<Self, ProtocolError> {
         let h = model.hierarchy();
-        let place = |i: u32| Place {
-            id: h.id(i).unwrap_or(NodeId::root(0)),
-            row: model.row(i),
-            bounds: h.nodes()[i as usize].bounds,
-        };
-        let mut local = Self::new(patch, (model.grid(), h.unit()), place)?;
-        let numbers = patch.nodes.iter().enumerate().map(|(i, &n)| (n, i as u32)).collect();
+        let mut local = Self::new(patch, (model.grid(), h.unit()), |i| model.place(i))?;
+        let mut numbers = FxHashMap::default();
+        for (i, node) in local.nodes.iter_mut().enumerate() {
+            node.number = h.find(node.place.id).unwrap_or(NONE);
+            numbers.insert(node.number, i as u32);
+        }
         local.truth = Some((model, numbers));
         Ok(local)
     }
 
+    /// Nodes that the block begins at: the first ones.
+    pub(crate) fn root_count(&self) -> u32 {
+        self.roots
+    }
     pub(crate) fn splits(&self) -> &[BlockSplit] {
         &self.splits
     }
@@ -163,10 +194,10 @@ impl<'a> Local<'a> {
     pub(crate) fn stand_in(&self, i: u32) -> u32 {
         self.of_mesh[self.nodes[i as usize].at as usize]
     }
-    /// Nodes below the first `roots` that have no children, but will: in the order of a walk.
-    pub(crate) fn ends(&self, roots: u32) -> Vec<u32> {
+    /// Nodes below the roots that have no children, but will: in the order of a walk.
+    pub(crate) fn ends(&self) -> Vec<u32> {
         let (mut ends, mut stack) = (Vec::new(), Vec::new());
-        for root in 0..roots {
+        for root in 0..self.roots {
             stack.push(root);
             while let Some(i) = stack.pop() {
                 match self.nodes[i as usize] {
@@ -180,33 +211,44 @@ impl<'a> Local<'a> {
     }
     /// The patch about some of the nodes.
     pub(crate) fn patch(&mut self, roots: &[u32]) -> Patch {
-        let mut patch = Patch { roots: roots.len() as u32, ..Default::default() };
-        let mut places: FxHashMap<u32, u32> = FxHashMap::default();
-        let (mut seen, mut ring) = (FxHashSet::default(), Vec::new());
-        let mut place = |i: u32, nodes: &mut Vec<u32>, number: u32| {
+        let mut patch = Patch { roots: roots.iter().map(|&i| self.number(i)).collect(), ..Default::default() };
+        let count = roots.len() as u32;
+        let mut places: FxHashMap<u32, u32> = roots.iter().zip(0..).map(|(&i, k)| (i, k)).collect();
+        let mut place = |i: u32, rim: &mut Vec<Place>| {
             *places.entry(i).or_insert_with(|| {
-                nodes.push(number);
-                nodes.len() as u32 - 1
+                rim.push(self.nodes[i as usize].place);
+                count + rim.len() as u32 - 1
             })
         };
-        for &i in roots {
-            place(i, &mut patch.nodes, self.number(i));
-        }
+        let open: FxHashMap<u32, OpenCut> = self.open.iter().map(|c| (c.triangle, *c)).collect();
+        let (mut seen, mut ring, mut fan) = (FxHashSet::default(), Vec::new(), Vec::new());
         for &i in roots {
             let own = self.stand_in(i);
-            let at = place(own, &mut patch.nodes, self.number(own));
+            let at = place(own, &mut patch.rim);
             if self.is_out(i) {
-                let i = place(i, &mut patch.nodes, self.number(i));
+                let i = place(i, &mut patch.rim);
                 patch.stand_ins.push([i, at]);
             }
-            let closed = self.neighbours(own, &mut ring);
-            let n = ring.len();
-            for k in 0..if closed { n } else { n.saturating_sub(1) } {
-                let triangle = turned([own, ring[k], ring[(k + 1) % n]]);
-                if seen.insert(triangle) {
-                    let corners = triangle.map(|v| place(v, &mut patch.nodes, self.number(v)));
-                    patch.triangles.push(corners);
+            self.mesh.fan(self.nodes[own as usize].at, &mut ring, &mut fan);
+            for &t in fan.iter().filter(|&&t| seen.insert(t)) {
+                let corners = [0, 1, 2].map(|k| self.mesh.node_at(t, k).map_or(NONE, |i| self.of_mesh[i as usize]));
+                if corners.contains(&NONE) {
+                    continue;
                 }
+                let triangle = patch.triangles.len() as u32;
+                patch.triangles.push(corners.map(|v| place(v, &mut patch.rim)));
+                let cut = match t.checked_sub(self.base_triangles) {
+                    None => open.get(&t).copied(),
+                    Some(t) => self.followed.get(t as usize / 2).map(|&i| OpenCut {
+                        triangle,
+                        corner: 2 - (t % 2) as u8,
+                        which: (t % 2) as u8,
+                        split: self.id(i),
+                    }),
+                };
+                // What lies beyond has been told to its end.
+                let goes_on = |c: &OpenCut| patch.triangles[triangle as usize][usize::from(c.corner)] < count;
+                patch.open.extend(cut.filter(goes_on).map(|c| OpenCut { triangle, ..c }));
             }
         }
         patch
@@ -283,8 +325,25 @@ impl<'a> Local<'a> {
         let cuts = self.mesh.node(self.nodes[split.node as usize].at).map_or([None; 2], |n| n.cuts);
         cuts.map(|cut| {
             let i = *self.of_mesh.get(self.mesh.find(cut?)? as usize)?;
-            Some((self.nodes[i as usize].place.id, i))
+            Some((self.id(i), i))
         })
+    }
+    /// The block or those below it will say the rest of a way: it ends at a node of its own that has no children yet.
+    pub(crate) fn goes_on(&self, (_, i): Way) -> bool {
+        i != NONE && self.nodes[i as usize].child == NONE && self.mesh.id(self.nodes[i as usize].at).tree < self.roots
+    }
+    /// Cuts from the blocks above whose ways go on here, as far as is known now.
+    pub(crate) fn open_cuts(&self) -> Vec<(NodeId, usize, Way)> {
+        let way = |c: &OpenCut| {
+            let i = *self.of_mesh.get(self.mesh.node_at(c.triangle, c.corner.into())? as usize)?;
+            Some((c.split, usize::from(c.which), (self.id(i), i)))
+        };
+        self.open.iter().filter_map(way).collect()
+    }
+    /// The writer: the name of a cut of a split of any block.
+    pub(crate) fn cut_name(&self, split: NodeId, k: usize) -> Option<NodeId> {
+        let (model, _) = self.truth.as_ref()?;
+        model.cuts(model.hierarchy().find(split)?)[k]
     }
 }
 
@@ -337,6 +396,7 @@ impl Known for Local<'_> {
         let child = self.mesh.known() as u32;
         self.mesh.learn(&Split { id: self.mesh.id(at), cuts, position: [0.0; 3], bounds: [Bounds::default(); 2] })?;
         self.splits.push(BlockSplit { node: i, told: None });
+        self.followed.push(i);
         let first = self.add(i, told.ring.place, told.bounds, Some(child))?;
         self.of_mesh.extend([first, first + 1]);
         Ok(first)

@@ -10,8 +10,8 @@ use pmesh_core::hierarchy::{Allowance, Front, Progress, UnderWay, View};
 pub struct Limits {
     /// Triangles of the front. The tolerance gets coarser until the view does with so many.
     pub triangles: usize,
-    /// Bytes of what is known ([`Front::memory_bytes`]): what lies below the front is forgotten when there are more, and the front stays so small that half of them is enough for it.
-    /// From a file, blocks on the way to one that is needed come on top of that: some 25 kB each, as many as the file is deep (a dozen for half a million vertices).
+    /// Bytes of what is known ([`Viewer::memory_bytes`]): what lies below the front is forgotten when there are more, and the front stays so small that half of them is enough for it.
+    /// From a file, blocks on the way to one that is needed come on top of that: some 400 kB for the first, 25 kB for each other, as many as the file is deep (a dozen for half a million vertices).
     pub memory: usize,
 }
 
@@ -25,6 +25,8 @@ impl Default for Limits {
 const TRIANGLE_BYTES: usize = 100;
 /// The same with the mesh of all that is known, which may be as large.
 const FOLLOWED_BYTES: usize = TRIANGLE_BYTES + 36;
+/// The same with what the blocks of a file begin with.
+const BLOCKS_BYTES: usize = TRIANGLE_BYTES + 40;
 /// Bytes of a split, without that.
 pub(crate) const SPLIT_BYTES: usize = 2 * TRIANGLE_BYTES;
 
@@ -44,6 +46,8 @@ pub struct Viewer {
     pub(crate) is_drawn: bool,
     pub(crate) splits: u64,
     pub(crate) evictions: u64,
+    /// Bytes that it takes to learn more.
+    pub(crate) beside: usize,
 }
 
 impl Viewer {
@@ -60,7 +64,13 @@ impl Viewer {
     /// Looks at up to `budget` nodes, and refines what is too coarse for the view that the limits allow, which it gives, too.
     pub(crate) fn refine(&mut self, view: &View, budget: u32) -> Result<(View, Progress), ProtocolError> {
         let view = self.allowance.view(view);
-        let each = if self.front.follows_cuts() { FOLLOWED_BYTES } else { TRIANGLE_BYTES };
+        let each = if self.front.follows_cuts() {
+            FOLLOWED_BYTES
+        } else if self.beside > 0 {
+            BLOCKS_BYTES
+        } else {
+            TRIANGLE_BYTES
+        };
         let limit = self.limits.triangles.min(self.limits.memory / 2 / each).max(1);
         self.front.limit_triangles(limit);
         let progress = self.front.refine(&view, budget)?;
@@ -70,7 +80,7 @@ impl Viewer {
     }
     /// True if there is so much more than allowed that something should be forgotten, and can be.
     pub(crate) fn is_over(&self, by: usize) -> bool {
-        self.front.memory_bytes() > self.limits.memory.saturating_add(by) && self.front.known() > 2 * self.front.len()
+        self.memory_bytes() > self.limits.memory.saturating_add(by) && self.front.known() > 2 * self.front.len()
     }
 
     /// Moves what is under way: [`Front::advance`].
@@ -80,6 +90,9 @@ impl Viewer {
     /// What the client may take from now on.
     pub fn set_limits(&mut self, limits: Limits) {
         self.limits = limits;
+    }
+    pub(crate) fn limits(&self) -> Limits {
+        self.limits
     }
     /// The front and its mesh.
     pub fn front(&self) -> &Front {
@@ -104,6 +117,10 @@ impl Viewer {
     /// True once nothing is left to ask for.
     pub fn has_all(&self) -> bool {
         self.fingerprint.is_some() && self.front.known() as u64 >= self.total
+    }
+    /// Bytes of what is known, and, of a file, of what its blocks begin with.
+    pub fn memory_bytes(&self) -> usize {
+        self.front.memory_bytes() + self.beside
     }
     /// By how much the tolerance is coarser than asked for, for the limits' sake: in quarters of an octave.
     pub fn allowance(&self) -> u32 {

@@ -40,7 +40,7 @@ fn session_bytes(model: &std::sync::Arc<Model>) -> u64 {
 #[test]
 fn a_whole_file_is_the_mesh() {
     for (mesh, model) in [part(), common::of_sample("marble"), common::of_sample("knot"), common::of_sample("tetrahedra")] {
-        let (file, spent) = write_file(&model);
+        let (file, spent) = write_file(&model).expect("a hierarchy");
         assert!(is_file(&file));
         let back = read_whole(&file).expect("it reads");
         assert_eq!(of(&back), of(&mesh));
@@ -65,14 +65,14 @@ fn a_whole_file_is_the_mesh() {
         );
         // A block says what a session need not, which knows more.
         let (bytes, splits) = (file.len() as u64, mesh.vertices.len() as u64);
-        assert!(bytes <= 4 * session + 100 && bytes - model.base().len() as u64 <= 8 * splits + 100);
+        assert!(bytes <= 2 * session + 100 && bytes - model.base().len() as u64 <= 6 * splits + 100);
     }
 }
 
 #[test]
 fn a_view_takes_what_it_sees_and_a_second_lap_is_free() {
     let (_, model) = common::of_sample("marble");
-    let (file, _) = write_file(&model);
+    let (file, _) = write_file(&model).expect("a hierarchy");
     let mut client = FileClient::default();
     let views = lap(&model, 40);
     for view in &views {
@@ -98,21 +98,21 @@ fn a_view_takes_what_it_sees_and_a_second_lap_is_free() {
 
 #[test]
 fn what_is_forgotten_is_fetched_again() {
-    let (_, model) = part();
-    let (file, _) = write_file(&model);
+    let (_, model) = common::of_sample("marble");
+    let (file, _) = write_file(&model).expect("a hierarchy");
     let mut free = FileClient::default();
     let mut tight = FileClient::default();
     let views = lap(&model, 24);
     for view in &views {
         settle(&mut free, &file, view);
     }
-    let memory = free.viewer().front().memory_bytes() * 2 / 3;
+    let memory = free.viewer().memory_bytes() * 2 / 3;
     tight.set_limits(Limits { memory, ..Default::default() });
     for view in views.iter().chain(&views) {
         settle(&mut tight, &file, view);
         tight.viewer().front().mesh().check_invariants();
         // Blocks that several views have in common may be whole again.
-        assert!(tight.viewer().front().memory_bytes() < memory * 3 / 2);
+        assert!(tight.viewer().memory_bytes() < memory * 3 / 2);
     }
     assert!(tight.viewer().evictions() > 0);
     let (a, b) = (tight.viewer().front(), free.viewer().front());
@@ -127,7 +127,10 @@ fn what_is_forgotten_is_fetched_again() {
             let cuts = model.hierarchy().nodes()[all as usize]
                 .cuts
                 .map(|c| (c != NONE).then(|| model.hierarchy().id(c).expect("a leaf")));
-            assert_eq!(known.cuts, cuts);
+            for (own, all) in known.cuts.iter().zip(cuts) {
+                assert_eq!(own.is_some(), all.is_some());
+                assert!(own.zip(all).is_none_or(|(own, all)| own.is_above(all)));
+            }
         }
     }
 }
@@ -136,7 +139,7 @@ fn what_is_forgotten_is_fetched_again() {
 fn g25_damaged_files_are_refused() {
     let mesh = pmesh_build::sample::knot(24, 9);
     let model = model_of(&mesh, Some(10));
-    let (file, _) = write_file(&model);
+    let (file, _) = write_file(&model).expect("a hierarchy");
     read_whole(&file).expect("it reads");
     for i in 0..file.len() {
         for flip in [1u8, 0x80] {

@@ -30,7 +30,7 @@ pub(super) fn write(model: &Model, input: &Path, path: &Path, how: &How, quiet: 
     let views = pmesh_server::model_of(&model.mesh, bits, |part| progress.set(part))
         .map_err(|e| CliError::Other(format!("{}: {e}", input.display())))?;
     progress.done();
-    let (bytes, spent) = write_file(&views)?;
+    let (bytes, spent) = write_file(&views).map_err(|e| CliError::Other(format!("{}: {e}", input.display())))?;
     output::write_bytes(path, &bytes)?;
     if quiet {
         return Ok(());

@@ -19,9 +19,9 @@ pub use encode::{EncodeOptions, LevelStream, encode};
 /// First eight bytes of the file: not text, not 7-bit, no line ending survives a conversion unseen.
 pub const SIGNATURE: [u8; 8] = [0x89, b'P', b'M', b'S', b'H', 0x0d, 0x0a, 0x1a];
 /// The version that is no stream of levels but a hierarchy in blocks (the crate `pmesh-view` reads it).
-pub const VIEWS_VERSION: u8 = 3;
+pub const VIEWS_VERSION: u8 = 4;
 /// The same before it was settled: refused.
-pub(crate) const OLD_VIEWS_VERSION: u8 = 2;
+pub(crate) const OLD_VIEWS_VERSIONS: [u8; 2] = [2, 3];
 /// The version written and the newest read.
 pub const VERSION: u8 = 0;
 /// Most bytes that a level block of `block_bytes` may inflate to. Real levels stay below 4 times; deflate could reach 1,032.

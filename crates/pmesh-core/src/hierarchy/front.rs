@@ -307,7 +307,7 @@ impl Front {
         let mut ends = [NONE; 2];
         for (k, (end, cut)) in ends.iter_mut().zip(cuts).enumerate().filter(|(_, (_, c))| *c != NO_CUT) {
             let near = self.near[number as usize][k];
-            *end = self.active(cut, near).ok_or(HierarchyError::BadCut { id: self.id(s), cut })?;
+            *end = self.active(cut, near).ok_or_else(|| self.lost(s, cut))?;
             self.near[number as usize][k] = *end;
         }
         if ends[0] == ends[1] {
@@ -330,6 +330,14 @@ impl Front {
         self.known[child as usize + 1].at = self.front.len() as u32;
         self.front.push(child + 1);
         Ok(None)
+    }
+    /// Why a cut of a node is nowhere in the front.
+    fn lost(&self, s: u32, cut: NodeId) -> HierarchyError {
+        let id = self.id(s);
+        match self.find(cut).map(|i| self.known[i as usize].child) {
+            Some(child) if child != NONE => HierarchyError::OpenCut { id, at: cut },
+            _ => HierarchyError::BadCut { id, cut },
+        }
     }
     /// Collapses the children of a node onto it; false if one of them is not in the front, or the mesh would be no manifold. O(valence).
     pub fn collapse(&mut self, id: NodeId) -> bool {
@@ -424,7 +432,7 @@ impl Front {
                     match self.split_node(i, &mut progress.splits) {
                         // The first child takes its place, and is looked at next.
                         Ok(()) => continue,
-                        Err(HierarchyError::NotHere { id }) => {
+                        Err(HierarchyError::NotHere { id } | HierarchyError::OpenCut { at: id, .. }) => {
                             progress.wants_more = true;
                             self.find(id).into_iter().for_each(|i| self.want(i));
                         }

@@ -3,7 +3,7 @@
 //! Of a cut only that node need be told that is known so far. When this one splits later on, the mesh of all that is known says on which side of it the cut lies: where
 //! the triangle lies that it is a corner of. So no bit is ever sent for that.
 
-use super::{Front, FrontMesh, HierarchyError, NONE, Split};
+use super::{Front, FrontMesh, HierarchyError, NONE, NodeId, Split};
 
 /// A front at the leaves of what is known.
 #[derive(Clone, Debug, Default)]
@@ -104,6 +104,35 @@ impl Front {
         let (_, vertices, closed) = whole.mesh.fan(own.vertex);
         out.extend(vertices.iter().map(|&v| whole.leaf_of[v as usize]));
         closed
+    }
+    /// As [`Self::neighbours`], with the triangles between each of them and the next: those of the base mesh first, in their order, then two for each split. O(valence).
+    pub fn fan(&mut self, i: u32, out: &mut Vec<u32>, triangles: &mut Vec<u32>) -> bool {
+        triangles.clear();
+        let closed = self.neighbours(i, out);
+        if let (Some(whole), Some(own)) = (&mut self.whole, self.known.get(i as usize).filter(|k| k.child == NONE)) {
+            triangles.extend(whole.mesh.fan(own.vertex).0.iter().map(|c| c / 3));
+        }
+        closed
+    }
+    /// The node without children here that corner `k` of a triangle is at, numbered as [`Self::fan`] has them: (second child, first child, cut) and
+    /// (second child, cut, first child) when they came with a split. `None` if there is none, or if cuts are not followed. O(1).
+    pub fn node_at(&self, triangle: u32, k: usize) -> Option<u32> {
+        let whole = self.whole.as_ref()?;
+        let vertex = *whole.mesh.triangle(triangle)?.get(k)?;
+        whole.leaf_of.get(vertex as usize).copied().filter(|&i| i != NONE)
+    }
+    /// More of the way to cut `k` of a split whose children are known; false if they are not. What is no longer than what is known changes nothing. O(depth).
+    pub fn lengthen_cut(&mut self, id: NodeId, k: usize, cut: NodeId) -> bool {
+        let child = self.find(id).map_or(NONE, |i| self.known[i as usize].child);
+        if child == NONE || k > 1 {
+            return false;
+        }
+        let number = self.number(child) as usize;
+        let own = &mut self.cuts[number][k];
+        if own.node != 0 && own.is_above(cut) {
+            *own = cut;
+        }
+        true
     }
     /// Steps from the root to a node.
     pub fn depth(&self, i: u32) -> u32 {

@@ -26,6 +26,8 @@ pub enum HierarchyError {
     BadTriangle { triangle: u32 },
     #[error("node {}:{} must be split first, and its children are not here", id.tree, id.node)]
     NotHere { id: NodeId },
+    #[error("where node {}:{} is cut is known no further than {}:{}", id.tree, id.node, at.tree, at.node)]
+    OpenCut { id: NodeId, at: NodeId },
     #[error("a position or a length that is not finite")]
     NotFinite,
 }
