@@ -5,7 +5,7 @@ use crate::error::ProtocolError;
 use crate::file_client::FileClient;
 use crate::message::{Reply, read_reply};
 use crate::model::Model;
-use crate::pack::{Packed, SPLITS_LIMIT, pack};
+use crate::pack::{BlockSizes, Packed, SPLITS_LIMIT, pack};
 use crate::splits::Spent;
 use pmesh_codec::pmesh::{SIGNATURE, VIEWS_VERSION as VERSION};
 use pmesh_core::IndexedMesh;
@@ -29,7 +29,11 @@ pub fn is_file(bytes: &[u8]) -> bool {
 
 /// Packs a model into a file. Gives the bits of its splits by what they say, too. O(n log n). Errors: a hierarchy that is none.
 pub fn write_file(model: &Model) -> Result<(Vec<u8>, Spent), ProtocolError> {
-    let (packed, spent) = pack(model)?;
+    write_file_of(model, BlockSizes::default())
+}
+/// The same in blocks of other sizes: smaller ones have less that a view does not need, larger ones are told with less.
+pub fn write_file_of(model: &Model, sizes: BlockSizes) -> Result<(Vec<u8>, Spent), ProtocolError> {
+    let (packed, spent) = pack(model, sizes)?;
     // Lengths from the last block to the first, since each names those below it; then where they start; then their bytes, from the last again.
     let entry = |length: u32, p: &Packed| [length, p.splits, p.roots].into_iter().map(varint_bytes).sum::<u32>() + 4;
     let below = |p: &Packed| p.child as usize..(p.child + p.children) as usize;

@@ -3,7 +3,7 @@
 use crate::blocks::{BlockModels, code_block};
 use crate::error::ProtocolError;
 use crate::file::{Block, Head};
-use crate::pack::{BLOCK_SPLITS, FIRST_SPLITS, first_roots};
+use crate::pack::{BlockSizes, first_roots};
 use crate::patch::{Local, Patch, Place};
 use crate::sides::Side;
 use crate::viewer::{Limits, SPLIT_BYTES, SPLITS_A_BYTE, Viewer};
@@ -15,7 +15,7 @@ const FIRST_BYTES: u64 = 16 << 10;
 /// Bytes of a request, beyond which blocks that lie side by side are asked for apart.
 const REQUEST_BYTES: u64 = 64 << 10;
 /// Most nodes and triangles that blocks begin with, and how many more for each byte: real ones have some two.
-const WORK_LIMIT: usize = 1 << 22;
+const WORK_LIMIT: usize = 1 << 20;
 const WORK_A_BYTE: usize = 1 << 8;
 /// Looks at nodes that unpacking a block counts as: both take a millisecond or so.
 const LOOKS_A_BLOCK: u32 = 1 << 9;
@@ -306,10 +306,12 @@ impl FileClient {
         if self.block_of.len() as u64 > SPLITS_A_BYTE * self.bytes {
             return Err(ProtocolError::Unexpected("more splits than its bytes can hold"));
         }
-        let ends = local.ends();
+        let mut ends = local.ends();
         if below.iter().map(|c| u64::from(c.roots)).sum::<u64>() != ends.len() as u64 {
             return Err(ProtocolError::Unexpected("blocks below one of other roots than it ends at"));
         }
+        let roots = |blocks: &[Block]| blocks.iter().map(|c| c.roots as usize).sum();
+        local.divide(&mut ends, 0..below.len(), &mut |_, parts| roots(&below[parts.start..parts.start + parts.len() / 2]));
         let mut patches = Vec::with_capacity(below.len());
         let mut ends = &ends[..];
         for block in &below {
@@ -350,7 +352,8 @@ impl FileClient {
         self.looked = self.looked.saturating_add(progress.looked as usize);
         // What was loaded stays until the front has had its chance to split there.
         let is_new = self.is_waiting() || self.looked < self.viewer.front.len();
-        let on_the_way = (self.deepest * BLOCK_SPLITS as usize + FIRST_SPLITS as usize) * 2 * SPLIT_BYTES;
+        let BlockSizes { first, others } = BlockSizes::default();
+        let on_the_way = (self.deepest * others as usize + first as usize) * 2 * SPLIT_BYTES;
         if self.viewer.is_over(if is_new { on_the_way } else { 0 }) {
             self.forget();
         }
@@ -422,7 +425,8 @@ impl FileClient {
         if kept(&self.blocks) > self.viewer.limits().memory / 4 {
             self.blocks.iter_mut().skip(1).for_each(|b| b.bytes = None);
         }
-        self.viewer.beside = kept(&self.blocks) + self.blocks.iter().flat_map(|b| &b.patch).map(Patch::memory_bytes).sum::<usize>();
+        self.viewer.beside =
+            kept(&self.blocks) + self.blocks.iter().flat_map(|b| &b.patch).map(Patch::memory_bytes).sum::<usize>();
         let away: Vec<u32> = (0..self.block_count()).filter(|&b| self.blocks[b as usize].state != State::Here).collect();
         away.into_iter().for_each(|b| self.leave(b));
         self.viewer.evictions += 1;

@@ -1,7 +1,7 @@
 //! A hierarchy in blocks: which splits lie together.
 //!
-//! A block has roots, nodes of the block above it, and of what lies below them the splits that a view of the whole needs first. Where it ends, at nodes side by side in
-//! the walk, the next blocks begin: so each is a region of the surface at a band of detail. It is decoded with nothing but the blocks above it, whatever else the client has.
+//! A block has roots, nodes of the block above it, and of what lies below them the splits that a view of the whole needs first. Where it ends, at nodes that lie side by
+//! side, the next blocks begin: so each is a region of the surface at a band of detail. It is decoded with nothing but the blocks above it, whatever else the client has.
 
 use crate::blocks::{BlockModels, code_block};
 use crate::error::ProtocolError;
@@ -10,11 +10,23 @@ use crate::patch::{Local, Patch};
 use crate::splits::Spent;
 use pmesh_codec::range::Encoder;
 use pmesh_core::hierarchy::{Bounds, NONE};
+use std::ops::Range;
 
-/// Splits of a block, about half a kilobyte: those that lie side by side are fetched together, and what a view does not need stays little.
-pub(crate) const BLOCK_SPLITS: u32 = 128;
-/// The same of the first block. Every view needs nearly all of it, and the others begin with what it has taught.
-pub(crate) const FIRST_SPLITS: u32 = 2048;
+/// Splits of a block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BlockSizes {
+    /// Of the first. Every view needs nearly all of it, and the others begin with what it has taught.
+    pub first: u32,
+    /// Of each other: those that lie side by side are fetched together, and what a view does not need stays little.
+    pub others: u32,
+}
+
+impl Default for BlockSizes {
+    fn default() -> Self {
+        Self { first: 2048, others: 128 }
+    }
+}
+
 /// Blocks below a block. More are fewer requests one after the other, and more that a view does not need.
 const FANOUT: u64 = 2;
 /// Most splits that a block may announce.
@@ -46,9 +58,10 @@ pub(crate) fn first_roots(positions: &[[f32; 3]], bounds: &[Bounds], [low, high]
 }
 
 /// Packs all of a model, the blocks in the order of their rank: the first, then those below it, then those below these. O(n log n). Errors: a model that cannot be.
-pub(crate) fn pack(model: &Model) -> Result<(Vec<Packed>, Spent), ProtocolError> {
+pub(crate) fn pack(model: &Model, sizes: BlockSizes) -> Result<(Vec<Packed>, Spent), ProtocolError> {
     let h = model.hierarchy();
     let nodes = h.nodes();
+    let sizes = BlockSizes { first: sizes.first.clamp(1, SPLITS_LIMIT), others: sizes.others.clamp(1, SPLITS_LIMIT) };
     // Splits below each node, itself included.
     let mut weight = vec![0u64; nodes.len()];
     for i in (0..nodes.len()).rev() {
@@ -60,7 +73,11 @@ pub(crate) fn pack(model: &Model) -> Result<(Vec<Packed>, Spent), ProtocolError>
     let positions: Vec<_> = (0..h.root_count()).map(|i| h.position(i)).collect();
     let bounds: Vec<_> = nodes[..positions.len()].iter().map(|n| n.bounds).collect();
     let first = first_roots(&positions, &bounds, model.extent());
-    let mut plan = if first.is_empty() { Vec::new() } else { vec![Patch::of_base(first, (h.root_count(), h.base_triangles()), |i| model.place(i))] };
+    let mut plan = if first.is_empty() {
+        Vec::new()
+    } else {
+        vec![Patch::of_base(first, (h.root_count(), h.base_triangles()), |i| model.place(i))]
+    };
     let (mut packed, mut spent) = (Vec::<Packed>::new(), Spent::default());
     let mut prior = BlockModels::default();
     let mut at = 0;
@@ -68,7 +85,7 @@ pub(crate) fn pack(model: &Model) -> Result<(Vec<Packed>, Spent), ProtocolError>
         let patch = std::mem::take(&mut plan[at]);
         let mut local = Local::of(&patch, model)?;
         let all: u64 = patch.roots.iter().map(|&i| weight[i as usize]).sum();
-        let most = if at == 0 { FIRST_SPLITS } else { BLOCK_SPLITS };
+        let most = if at == 0 { sizes.first } else { sizes.others };
         let splits = all.min(most.into()) as u32;
         let (mut models, mut coder) = (prior.clone(), Encoder::new());
         code_block(&mut coder, &mut models, &mut local, splits)?;
@@ -76,22 +93,30 @@ pub(crate) fn pack(model: &Model) -> Result<(Vec<Packed>, Spent), ProtocolError>
         if at == 0 {
             prior = models;
         }
-        // Runs of about the same weight.
-        let ends = local.ends();
-        let weight_of = |i: u32, local: &Local| weight[local.number(i) as usize];
-        let all: u64 = ends.iter().map(|&i| weight_of(i, &local)).sum();
-        let count = all.div_ceil(u64::from(BLOCK_SPLITS)).min(FANOUT);
-        let (mut run, mut sum, mut children) = (Vec::new(), 0, 0);
-        for i in ends {
-            run.push(i);
-            sum += weight_of(i, &local);
-            if sum * count >= all * (children + 1) {
-                plan.push(local.patch(&std::mem::take(&mut run)));
-                children += 1;
-            }
+        // Regions of about the same weight.
+        let mut ends = local.ends();
+        let weigh = |nodes: &[u32]| nodes.iter().map(|&i| weight[local.number(i) as usize]).sum::<u64>();
+        let count = weigh(&ends).div_ceil(u64::from(sizes.others)).min(FANOUT).min(ends.len() as u64) as usize;
+        let mut left = |nodes: &[u32], parts: Range<usize>| {
+            let half = parts.len() / 2;
+            let all = weigh(nodes) * half as u64 / parts.len() as u64;
+            let mut sum = 0;
+            let before = nodes.iter().take_while(|&&i| {
+                sum += weight[local.number(i) as usize];
+                sum <= all
+            });
+            before.count().clamp(half, nodes.len() - (parts.len() - half))
+        };
+        let counts = local.divide(&mut ends, 0..count, &mut left);
+        let child = plan.len() as u32;
+        let mut rest = &ends[..];
+        for count in counts {
+            let (run, others) = rest.split_at(count);
+            plan.push(local.patch(run));
+            rest = others;
         }
-        let child = plan.len() as u32 - children as u32;
-        packed.push(Packed { bytes: coder.finish(), splits, roots: patch.roots.len() as u32, child, children: children as u32 });
+        let (roots, children) = (patch.roots.len() as u32, count as u32);
+        packed.push(Packed { bytes: coder.finish(), splits, roots, child, children });
         at += 1;
     }
     Ok((packed, spent))

@@ -10,6 +10,7 @@ use pmesh_codec::compact::RingSplit;
 use pmesh_codec::pmesh::Quantisation;
 use pmesh_core::hierarchy::{Bounds, Front, HierarchyError, NONE, NodeId, Split};
 use rustc_hash::{FxHashMap, FxHashSet};
+use std::ops::Range;
 
 /// What is known of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -209,6 +210,30 @@ impl<'a> Local<'a> {
         }
         ends
     }
+    /// Orders nodes so that those of each of some parts lie together: halves along the longest side of their box, and so on. Of the nodes at hand and their parts `left` says how many are
+    /// of the first half of these. Gives how many each part has. O(n log n · log parts).
+    pub(crate) fn divide(
+        &self,
+        nodes: &mut [u32],
+        parts: Range<usize>,
+        left: &mut dyn FnMut(&[u32], Range<usize>) -> usize,
+    ) -> Vec<usize> {
+        if parts.len() < 2 {
+            return parts.map(|_| nodes.len()).collect();
+        }
+        let row = |i: u32| self.nodes[i as usize].place.row.map(i64::from);
+        let sides = [0, 1, 2].map(|k| {
+            let (low, high) = nodes.iter().fold((i64::MAX, i64::MIN), |(l, h), &i| (l.min(row(i)[k]), h.max(row(i)[k])));
+            high.saturating_sub(low)
+        });
+        let axis = if sides[0] >= sides[1] && sides[0] >= sides[2] { 0 } else { 2 - usize::from(sides[1] >= sides[2]) };
+        nodes.sort_by_key(|&i| row(i)[axis]);
+        let half = parts.start + parts.len() / 2;
+        let (a, b) = nodes.split_at_mut(left(nodes, parts.clone()));
+        let mut sizes = self.divide(a, parts.start..half, left);
+        sizes.extend(self.divide(b, half..parts.end, left));
+        sizes
+    }
     /// The patch about some of the nodes.
     pub(crate) fn patch(&mut self, roots: &[u32]) -> Patch {
         let mut patch = Patch { roots: roots.iter().map(|&i| self.number(i)).collect(), ..Default::default() };
@@ -293,7 +318,13 @@ impl<'a> Local<'a> {
         }
     }
     /// Has the children of a node from now on, that the mesh cannot follow.
-    pub(crate) fn add_out(&mut self, i: u32, told: [Option<Way>; 2], row: [i32; 3], bounds: [Bounds; 2]) -> Result<u32, ProtocolError> {
+    pub(crate) fn add_out(
+        &mut self,
+        i: u32,
+        told: [Option<Way>; 2],
+        row: [i32; 3],
+        bounds: [Bounds; 2],
+    ) -> Result<u32, ProtocolError> {
         self.splits.push(BlockSplit { node: i, told: Some(told) });
         self.add(i, row, bounds, None)
     }

@@ -4,7 +4,9 @@ mod common;
 
 use common::{lap, model_of, of, part};
 use pmesh_core::hierarchy::{NONE, View};
-use pmesh_view::{Client, FileClient, Limits, Model, Session, is_file, read_model, read_whole, write_file};
+use pmesh_view::{
+    BlockSizes, Client, FileClient, Limits, Model, Session, is_file, read_model, read_whole, write_file, write_file_of,
+};
 
 /// Fetches and refines until a view has all that it needs.
 fn settle(client: &mut FileClient, file: &[u8], view: &View) {
@@ -66,6 +68,20 @@ fn a_whole_file_is_the_mesh() {
         // A block says what a session need not, which knows more.
         let (bytes, splits) = (file.len() as u64, mesh.vertices.len() as u64);
         assert!(bytes <= 2 * session + 100 && bytes - model.base().len() as u64 <= 6 * splits + 100);
+    }
+}
+
+/// Blocks of a few splits, at whose rims everything is coarse: many cuts are at one node there, and the rest must be told by names.
+#[test]
+fn small_blocks_hold_the_mesh_too() {
+    for name in ["part", "marble", "globe"] {
+        let (mesh, model) = common::of_sample(name);
+        for (first, others) in [(1, 1), (40, 9), (500, 60)].into_iter().skip(usize::from(name != "part")) {
+            let sizes = BlockSizes { first, others };
+            let (file, _) = write_file_of(&model, sizes).expect("a hierarchy");
+            println!("{name} {sizes:?}: {} bytes", file.len());
+            assert_eq!(of(&read_whole(&file).expect("it reads")), of(&mesh));
+        }
     }
 }
 

@@ -4,7 +4,7 @@ mod common;
 
 use common::of_sample;
 use pmesh_core::hierarchy::{Front, NONE, Progress, UnderWay, View};
-use pmesh_view::{Client, FileClient, Limits, Model, Session, Viewer, write_file};
+use pmesh_view::{BlockSizes, Client, FileClient, Limits, Model, Session, Viewer, write_file, write_file_of};
 use std::sync::Arc;
 
 struct Random(u64);
@@ -178,9 +178,10 @@ fn walk(mut line: Line, model: &Model, seed: u64) {
 
 #[test]
 fn a_file_comes_to_rest_whatever_is_asked_and_whenever_it_comes() {
-    for (name, seeds) in [("part", 0..3), ("marble", 0..2), ("globe", 0..1)] {
+    let (usual, small) = (BlockSizes::default(), BlockSizes { first: 40, others: 16 });
+    for (name, sizes, seeds) in [("part", usual, 0..2), ("marble", usual, 1..2), ("part", small, 0..1), ("globe", small, 0..1)] {
         let (_, model) = of_sample(name);
-        let (file, _) = write_file(&model).expect("a hierarchy");
+        let (file, _) = write_file_of(&model, sizes).expect("a hierarchy");
         for seed in seeds {
             walk(
                 Line::File { client: Box::new(FileClient::default().draw()), file: file.clone(), asked: Vec::new() },

@@ -39,12 +39,11 @@ pub(super) fn write(model: &Model, input: &Path, path: &Path, how: &How, quiet: 
     let splits = (h.nodes().len() as u32 - h.root_count()) / 2;
     let each = |bits: f64| bits / 8.0 / f64::from(splits.max(1));
     say(&format!(
-        "{}: {} triangles, {} base vertices, {splits} splits, {} bytes; of each split {:.2} bytes say which, {:.2} where, {:.2} how it cuts, {:.2} its bounds",
+        "{}: {} triangles, {} base vertices, {splits} splits, {} bytes; of each split {:.2} bytes say where, {:.2} how it cuts, {:.2} its bounds",
         path.display(),
         model.mesh.triangles.len(),
         h.root_count(),
         bytes.len(),
-        each(spent.names),
         each(spent.positions),
         each(spent.cuts),
         each(spent.bounds)
