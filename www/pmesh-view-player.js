@@ -6,9 +6,10 @@ import { PMeshViews } from "./pmesh-views.js";
 
 /** Milliseconds of a frame in which the front is looked through. */
 const FOLLOW_MS = 5;
-/** Pixels by which a vertex moves in a frame: none is seen to jump. While the first view arrives the whole shape is on its way, and faster. */
+/** Pixels by which a vertex moves in a frame: none is seen to jump. */
 const MORPH_PIXELS = 1;
-const FIRST_MORPH_PIXELS = 8;
+/** Milliseconds that the first picture waits for what its view needs: what nobody has seen yet can be where it belongs at once. */
+const FIRST_PICTURE_MS = 250;
 /** Milliseconds over which splits a second are counted. */
 const RATE_MS = 1000;
 const BYTES_A_MEGABYTE = 1e6;
@@ -20,8 +21,9 @@ export class ViewPlayer {
   #settled = false;
   /** Nothing changes until something arrives. */
   #rests = false;
-  /** The first view has all that it needs. */
-  #shown = false;
+  /** Since when there has been something to draw, and whether it has been drawn. */
+  #since = null;
+  #drawn = false;
   #loaded = false;
   /** Times and counts of splits, for the rate. */
   #rate = [];
@@ -121,18 +123,28 @@ export class ViewPlayer {
     try {
       if (!wants.frozen) this.#follow(model, options, wants, started);
       else if (!this.#stats) this.#say(true);
+      if (this.#waits(wants, started)) {
+        this.#tell.wake();
+        return false;
+      }
       if (!runtime.drawViewTo(renderer, model, options, context)) return false;
     } catch (error) {
       this.stop();
       throw error;
     }
+    this.#drawn = true;
     this.#frameMs = performance.now() - started;
     // What is missing wakes us when it comes.
     if (!this.#rests && !wants.frozen) this.#tell.wake();
     return true;
   }
+  /** The first picture is not due yet. */
+  #waits({ frozen }, now) {
+    this.#since ??= now;
+    return !this.#drawn && !frozen && !this.#settled && now - this.#since < FIRST_PICTURE_MS;
+  }
   #follow(model, options, { screenError, maxTriangles, maxMemory, morph }, started) {
-    const morphPixels = !morph ? Infinity : this.#shown ? MORPH_PIXELS : FIRST_MORPH_PIXELS;
+    const morphPixels = morph && this.#drawn ? MORPH_PIXELS : Infinity;
     const { splits, collapses, rests } = model.follow({
       ...options, screenError, maxTriangles, morphPixels,
       maxMemory: maxMemory === null ? undefined : maxMemory * BYTES_A_MEGABYTE,
@@ -141,7 +153,6 @@ export class ViewPlayer {
     this.#views.pump();
     this.#rests = rests;
     this.#settled = rests && !model.isWaiting;
-    this.#shown ||= this.#settled;
     this.#count(started, splits);
     this.#say(splits + collapses > 0);
   }

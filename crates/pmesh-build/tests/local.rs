@@ -4,10 +4,12 @@
 mod common;
 
 use common::ground;
+use pmesh_build::hierarchy::hierarchy;
 use pmesh_build::rule::{Replay, replay};
 use pmesh_build::sample::{knot, marble};
-use pmesh_build::simplify::{Placement, SimplifyOptions, simplify};
+use pmesh_build::simplify::{BatchOptions, Placement, SimplifyOptions, collapse_batches, simplify};
 use pmesh_core::IndexedMesh;
+use pmesh_core::hierarchy::{Front, HierarchyError, NONE, Split, VertexHierarchy, View};
 use pmesh_core::local::{ConstraintGraph, LocalMesh, Refiner, Refusal};
 use proptest::prelude::*;
 
@@ -164,6 +166,84 @@ fn d13_a_view_is_followed_and_left_again() {
     assert_eq!((work.splits, work.collapses, work.is_done), (0, 0, true));
     refiner.refine(&mut l, |_| f32::NAN, 0.1, u32::MAX).expect("it refines");
     assert_eq!(l.shown().len(), coarsest);
+}
+
+/// Both schemes by one front: that of the truly selective one, which keeps to the order, is at every view the mesh that the order makes.
+#[test]
+fn one_front_follows_views_by_either_scheme() {
+    for (name, mesh) in [("marble", marble(50, 40)), ("knot", knot(80, 16))] {
+        let stream = collapse_batches(&mesh, BatchOptions::default(), |_| ());
+        let all = hierarchy(&mesh, &stream).expect("a hierarchy");
+        let pairs: Pairs = stream.levels.iter().rev().flatten().map(|r| (r.vertex, r.apex)).collect();
+        let r = replay(&mesh, &pairs).expect("it replays");
+        let graph = graph_of(&r);
+        let collapse_of = |id| {
+            let node = all.node(all.find(id)?)?;
+            Some(pairs.len() as u32 - 1 - (node.child - all.root_count()) / 2)
+        };
+        let mut free = knowing(&all);
+        let mut ordered = free.clone();
+        ordered.follow_order(graph.reduced().expect("an order"), collapse_of).expect("it is its order");
+        assert!(matches!(
+            free.clone().follow_order(ConstraintGraph::default(), collapse_of),
+            Err(HierarchyError::OtherOrder { .. })
+        ));
+        let mut l = LocalMesh::new(mesh.vertices.len() as u32, &mesh.triangles, &pairs, graph).expect("it is in order");
+        let (low, high) = mesh.bounds();
+        let size = (0..3).map(|k| high[k] - low[k]).fold(0.0, f32::max);
+        let mut sizes = [0, 0];
+        for step in 0..12 {
+            let a = step as f32;
+            let eye =
+                [0, 1, 2].map(|k| (low[k] + high[k]) / 2.0 + size * [a.sin(), 0.3, a.cos()][k] * (0.5 + (a / 3.0).sin().abs()));
+            let view = View::look_at(eye, [0.0; 3], [0.0, 1.0, 0.0], [0.4, 1.0, 0.004]).expect("a view");
+            for front in [&mut free, &mut ordered] {
+                while {
+                    let done = front.refine(&view, u32::MAX).expect("a hierarchy");
+                    done.splits + done.collapses > 0
+                } {}
+                assert!(!front.refine(&view, u32::MAX).expect("a hierarchy").wants_more);
+            }
+            ordered.mesh().check_invariants();
+            let order = ordered.order().expect("it keeps to one");
+            order.check_invariants();
+            let (done, undone): (Vec<u32>, Vec<u32>) = (0..pairs.len() as u32).partition(|&i| order.is_collapsed(i));
+            let splits = l.graph().split_order(&undone).expect("they are there");
+            splits.iter().for_each(|&i| assert!(l.split(i).is_ok()));
+            let collapses = l.graph().collapse_order(&done).expect("they are there");
+            collapses.iter().for_each(|&i| assert!(l.collapse(i).is_ok()));
+            assert_eq!(undone.len(), (0..pairs.len() as u32).filter(|&i| !l.graph().is_collapsed(i)).count());
+            let at = |v: u32| mesh.vertices.positions[v as usize].map(f32::to_bits);
+            let by_order = l.shown().iter().filter_map(|&t| l.triangle(t)).map(|t| t.map(at));
+            let front = ordered.mesh().shown().iter().filter_map(|&t| ordered.mesh().triangle(t));
+            let own = |v: u32| ordered.positions()[v as usize].map(f32::to_bits);
+            assert_eq!(places(front.map(|t| t.map(own))), places(by_order), "{name}, step {step}");
+            sizes = [sizes[0] + free.len(), sizes[1] + ordered.len()];
+        }
+        println!("{name}: {:.2} times the nodes by the order", sizes[1] as f64 / sizes[0] as f64);
+        assert!(sizes[0] < sizes[1] && sizes[1] < 3 * sizes[0] && sizes[0] > 1000, "{sizes:?}");
+    }
+}
+
+/// Triangles by where they are, each turned to begin with its lowest corner.
+fn places(triangles: impl Iterator<Item = [[u32; 3]; 3]>) -> Vec<[[u32; 3]; 3]> {
+    let mut all: Vec<_> = triangles.map(|[a, b, c]| [a, b, c].min([b, c, a]).min([c, a, b])).collect();
+    all.sort_unstable();
+    all
+}
+
+/// A front at the base mesh that knows all of a hierarchy.
+fn knowing(all: &VertexHierarchy) -> Front {
+    let bounds: Vec<_> = all.nodes()[..all.root_count() as usize].iter().map(|n| n.bounds).collect();
+    let positions = (0..all.root_count()).map(|i| all.position(i)).collect();
+    let mut front = Front::new(positions, &bounds, all.base_triangles().to_vec(), all.unit()).expect("a front");
+    for (i, node) in all.nodes().iter().enumerate().filter(|(_, n)| n.child != NONE) {
+        let id = all.id(i as u32).expect("a node");
+        let cuts = node.cuts.map(|c| (c != NONE).then(|| all.id(c).expect("a leaf")));
+        let bounds = [node.child, node.child + 1].map(|c| all.nodes()[c as usize].bounds);
+        front.learn(&Split { id, cuts, position: all.position(node.child + 1), bounds }).expect("it is new");
+    }
+    front
 }
 
 proptest! {

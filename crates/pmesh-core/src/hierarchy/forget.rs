@@ -8,6 +8,9 @@ impl Front {
     /// triangles are others after it, so all of them count as changed. Gives the new number of each
     /// split (of the node pair from `root_count() + 2 i` on), or `None` if it is forgotten. O(known).
     pub fn forget_below(&mut self) -> Vec<Option<u32>> {
+        if self.order.is_some() {
+            return (0..self.cuts.len() as u32).map(Some).collect();
+        }
         let roots = self.roots as usize;
         // Of each node: something below it is in the front.
         let mut is_above = vec![false; self.known.len()];

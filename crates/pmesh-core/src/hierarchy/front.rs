@@ -2,6 +2,7 @@
 
 use super::geomorph::Geomorphs;
 use super::known::KnownMesh;
+use super::ordered::Order;
 use super::{Bounds, FrontMesh, HierarchyError, NONE, NodeId, View};
 
 /// A split as it arrives: the children of a node.
@@ -88,6 +89,8 @@ pub struct Front {
     pub(super) geomorphs: Option<Geomorphs>,
     /// The mesh of all that is known, if cuts are told by it.
     pub(super) whole: Option<KnownMesh>,
+    /// What it keeps to, if to any.
+    pub(super) order: Option<Order>,
 }
 
 /// Most splits that stand in each other's way. Real ones are a few.
@@ -227,6 +230,9 @@ impl Front {
     /// Takes up the children of a node; the front stays where it is (E.12). O(depth). Errors: a node that is not known or has children, a cut that cannot be.
     pub fn learn(&mut self, split: &Split) -> Result<(), HierarchyError> {
         let id = split.id;
+        if self.order.is_some() {
+            return Err(HierarchyError::Ordered);
+        }
         let i = self.find(id).ok_or(HierarchyError::NoSuchNode { id })?;
         if self.known[i as usize].child != NONE {
             return Err(HierarchyError::SplitTwice { id });
@@ -277,6 +283,8 @@ impl Front {
     fn split_node(&mut self, i: u32, done: &mut u32) -> Result<(), HierarchyError> {
         let mut stack = std::mem::take(&mut self.stack);
         stack.clear();
+        // Orders are long, and end.
+        let limit = if self.order.is_some() { self.known.len() } else { FORCED_LIMIT };
         stack.push(i);
         let result = loop {
             let Some(&s) = stack.last() else { break Ok(()) };
@@ -286,7 +294,7 @@ impl Front {
                     *done += 1;
                 }
                 // A way that comes back to itself, or does not end, is no hierarchy of a manifold.
-                Ok(Some(first)) if stack.len() >= FORCED_LIMIT || stack.contains(&first) => {
+                Ok(Some(first)) if stack.len() >= limit || stack.contains(&first) => {
                     break Err(HierarchyError::NotAdjacent { id: self.id(s) });
                 }
                 Ok(Some(first)) => stack.push(first),
@@ -303,6 +311,9 @@ impl Front {
             return Err(HierarchyError::NotHere { id: self.id(s) });
         }
         let number = self.number(child);
+        if let Some(first) = self.before_in_order(s) {
+            return Ok(Some(first));
+        }
         let cuts = self.cuts[number as usize];
         let mut ends = [NONE; 2];
         for (k, (end, cut)) in ends.iter_mut().zip(cuts).enumerate().filter(|(_, (_, c))| *c != NO_CUT) {
@@ -318,6 +329,9 @@ impl Front {
         let blue = self.roots + number;
         if !self.mesh.split(vertex, blue, ends, [first, first + 1]) {
             return Err(HierarchyError::NotAdjacent { id: self.id(s) });
+        }
+        if let Some(order) = &mut self.order {
+            order.take(number, true);
         }
         self.stay(self.known[s as usize].parent);
         if let Some(g) = &mut self.geomorphs {
@@ -351,8 +365,12 @@ impl Front {
         let places = [child, child + 1].map(|c| self.known[c as usize].at);
         let number = self.number(child);
         let first = self.base_triangles + 2 * number;
-        if places.contains(&NONE) || !self.mesh.collapse(vertex, self.roots + number, [first, first + 1]) {
+        let may = self.order.as_ref().is_none_or(|o| o.can_collapse(number));
+        if places.contains(&NONE) || !may || !self.mesh.collapse(vertex, self.roots + number, [first, first + 1]) {
             return false;
+        }
+        if let Some(order) = &mut self.order {
+            order.take(number, false);
         }
         self.front[places[0] as usize] = i;
         self.known[i as usize].at = places[0];
@@ -376,7 +394,8 @@ impl Front {
         }
         let number = (child - self.roots) / 2;
         let first = self.base_triangles + 2 * number;
-        self.mesh.can_collapse(vertex, blue.vertex, [first, first + 1]) && g.leave(blue.vertex)
+        let may = self.order.as_ref().is_none_or(|o| o.can_collapse(number));
+        may && self.mesh.can_collapse(vertex, blue.vertex, [first, first + 1]) && g.leave(blue.vertex)
     }
     /// The children of a node are needed.
     fn stay(&mut self, i: u32) {

@@ -16,6 +16,7 @@ mod geomorph;
 mod id;
 mod known;
 mod mesh;
+mod ordered;
 mod tree;
 mod view;
 

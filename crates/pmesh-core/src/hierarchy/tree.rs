@@ -28,6 +28,10 @@ pub enum HierarchyError {
     NotHere { id: NodeId },
     #[error("where node {}:{} is cut is known no further than {}:{}", id.tree, id.node, at.tree, at.node)]
     OpenCut { id: NodeId, at: NodeId },
+    #[error("node {}:{} has no collapse of its own in the order, or the front is not where that begins", id.tree, id.node)]
+    OtherOrder { id: NodeId },
+    #[error("a front that keeps to an order learns nothing more")]
+    Ordered,
     #[error("a position or a length that is not finite")]
     NotFinite,
 }
