@@ -7,7 +7,7 @@
 use crate::error::ProtocolError;
 use crate::fans::Fan;
 use crate::numbers::{Number, SIZES, number, syntax};
-use crate::patch::{Local, Longer, Way};
+use crate::patch::{Local, Longer, Truth, Way};
 use crate::sides::{Known, Side, size_of_node};
 use crate::splits::{Spent, SplitModels, code, code_bounds};
 use pmesh_codec::range::{Chance, Coder};
@@ -67,14 +67,14 @@ pub(crate) struct Told {
 }
 
 /// Codes `count` splits below the roots of a patch. Errors: a block that cannot be.
-pub(crate) fn code_block<C: Coder>(
+pub(crate) fn code_block<C: Coder, T: Truth>(
     coder: &mut C,
     m: &mut BlockModels,
-    local: &mut Local,
+    local: &mut Local<T>,
     count: u32,
 ) -> Result<Told, ProtocolError> {
     let mut next = BinaryHeap::new();
-    let push = |next: &mut BinaryHeap<_>, local: &Local, i: u32, tries: usize| {
+    let push = |next: &mut BinaryHeap<_>, local: &Local<T>, i: u32, tries: usize| {
         let bounds = local.bounds(i);
         if !bounds.is_leaf() {
             next.push((rank(&bounds, tries, i), tries));
@@ -129,7 +129,7 @@ pub(crate) fn code_block<C: Coder>(
 }
 
 /// A split that the mesh cannot follow.
-fn code_out<C: Coder>(coder: &mut C, m: &mut BlockModels, local: &mut Local, i: u32) -> Result<u32, ProtocolError> {
+fn code_out<C: Coder, T: Truth>(coder: &mut C, m: &mut BlockModels, local: &mut Local<T>, i: u32) -> Result<u32, ProtocolError> {
     let start = coder.position();
     let own = local.row(i);
     let truth = local.truth_told(i, &[]);
@@ -178,10 +178,10 @@ fn code_out<C: Coder>(coder: &mut C, m: &mut BlockModels, local: &mut Local, i: 
 }
 
 /// The rest of a way to a leaf. Errors: a way that is too long.
-fn rest<C: Coder>(
+fn rest<C: Coder, T: Truth>(
     coder: &mut C,
     m: &mut BlockModels,
-    local: &Local,
+    local: &Local<T>,
     (way, node): Way,
     truth: Option<NodeId>,
 ) -> Result<NodeId, ProtocolError> {

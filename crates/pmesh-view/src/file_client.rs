@@ -20,7 +20,7 @@ const WORK_A_BYTE: usize = 1 << 8;
 /// Looks at nodes that unpacking a block counts as: both take a millisecond or so.
 const LOOKS_A_BLOCK: u32 = 1 << 9;
 /// Requests at a time.
-const REQUESTS: usize = 4;
+const REQUESTS: usize = 6;
 
 /// A block that is known, perhaps by no more than its place.
 #[derive(Clone, Debug)]

@@ -103,8 +103,42 @@ pub(crate) struct BlockSplit {
 /// A way to a leaf, as far as the block knows it: a name, and the node that has it here, or [`NONE`].
 pub(crate) type Way = (NodeId, u32);
 
+/// All that there is, which the writer has: nodes by their numbers there.
+pub(crate) trait Truth {
+    fn model(&self) -> Option<&Model>;
+    /// The node of a block that has such a number.
+    fn node(&self, number: u32) -> Option<u32>;
+    fn put(&mut self, number: u32, node: u32);
+}
+/// The reader has nothing of it.
+impl Truth for () {
+    fn model(&self) -> Option<&Model> {
+        None
+    }
+    fn node(&self, _: u32) -> Option<u32> {
+        None
+    }
+    fn put(&mut self, _: u32, _: u32) {}
+}
+/// What the writer has while it writes a block.
+pub(crate) struct Written<'a> {
+    model: &'a Model,
+    nodes: FxHashMap<u32, u32>,
+}
+impl Truth for Written<'_> {
+    fn model(&self) -> Option<&Model> {
+        Some(self.model)
+    }
+    fn node(&self, number: u32) -> Option<u32> {
+        self.nodes.get(&number).copied()
+    }
+    fn put(&mut self, number: u32, node: u32) {
+        self.nodes.insert(number, node);
+    }
+}
+
 /// A patch that is split.
-pub(crate) struct Local<'a> {
+pub(crate) struct Local<'a, T> {
     grid: &'a Quantisation,
     unit: f64,
     nodes: Vec<Node>,
@@ -117,11 +151,10 @@ pub(crate) struct Local<'a> {
     roots: u32,
     base_triangles: u32,
     open: Vec<OpenCut>,
-    /// The writer's: all that there is, and the nodes here by their numbers there.
-    truth: Option<(&'a Model, FxHashMap<u32, u32>)>,
+    truth: T,
 }
 
-impl<'a> Local<'a> {
+impl<'a> Local<'a, ()> {
     /// `place` says what is known of a node that the block begins at, by its number. Errors: a base mesh that is none.
     pub(crate) fn new(
         patch: &Patch,
@@ -149,22 +182,25 @@ impl<'a> Local<'a> {
             roots: patch.roots.len() as u32,
             base_triangles: patch.triangles.len() as u32,
             open: patch.open.clone(),
-            truth: None,
+            truth: (),
         })
     }
+}
+
+impl<'a> Local<'a, Written<'a>> {
     /// The same for the writer.
     pub(crate) fn of(patch: &Patch, model: &'a Model) -> Result<Self, ProtocolError> {
         let h = model.hierarchy();
-        let mut local = Self::new(patch, (model.grid(), h.unit()), |i| model.place(i))?;
-        let mut numbers = FxHashMap::default();
-        for (i, node) in local.nodes.iter_mut().enumerate() {
-            node.number = h.find(node.place.id).unwrap_or(NONE);
-            numbers.insert(node.number, i as u32);
-        }
-        local.truth = Some((model, numbers));
-        Ok(local)
+        let local = Local::new(patch, (model.grid(), h.unit()), |i| model.place(i))?;
+        let Local { grid, unit, mut nodes, mesh, of_mesh, followed, splits, roots, base_triangles, open, .. } = local;
+        nodes.iter_mut().for_each(|n| n.number = h.find(n.place.id).unwrap_or(NONE));
+        let numbers = nodes.iter().zip(0..).map(|(n, i)| (n.number, i)).collect();
+        let truth = Written { model, nodes: numbers };
+        Ok(Self { grid, unit, nodes, mesh, of_mesh, followed, splits, roots, base_triangles, open, truth })
     }
+}
 
+impl<T: Truth> Local<'_, T> {
     /// Nodes that the block begins at: the first ones.
     pub(crate) fn root_count(&self) -> u32 {
         self.roots
@@ -281,11 +317,11 @@ impl<'a> Local<'a> {
 
     /// The node above a cut that has no children here, or is in the mesh without any.
     pub(crate) fn active(&self, cut: u32) -> Option<u32> {
-        let (model, numbers) = self.truth.as_ref()?;
+        let model = self.truth.model()?;
         let mut at = cut;
         loop {
-            match numbers.get(&at) {
-                Some(&i) => return Some(self.stand_in(i)),
+            match self.truth.node(at) {
+                Some(i) => return Some(self.stand_in(i)),
                 None => at = model.hierarchy().node(at)?.parent,
             }
         }
@@ -301,12 +337,12 @@ impl<'a> Local<'a> {
     }
     /// The writer: a node's cuts, by their numbers.
     pub(crate) fn cuts(&self, i: u32) -> [Option<u32>; 2] {
-        let node = self.truth.as_ref().and_then(|(model, _)| model.hierarchy().node(self.number(i)));
+        let node = self.truth.model().and_then(|model| model.hierarchy().node(self.number(i)));
         node.map_or([None; 2], |n| n.cuts.map(|c| Some(c).filter(|&c| c != NONE)))
     }
     /// The writer: a node's cuts, by name.
     pub(crate) fn cut_names(&self, i: u32) -> [Option<NodeId>; 2] {
-        self.truth.as_ref().map_or([None; 2], |(model, _)| model.cuts(self.number(i)))
+        self.truth.model().map_or([None; 2], |model| model.cuts(self.number(i)))
     }
     /// The writer: the mesh can follow the split of a node, those about it being these.
     pub(crate) fn fits(&self, i: u32, about: &[u32], closed: bool) -> bool {
@@ -335,14 +371,9 @@ impl<'a> Local<'a> {
         for (k, bounds) in bounds.into_iter().enumerate() {
             let id = own.place.id.child(k == 1).ok_or(HierarchyError::NoSuchNode { id: own.place.id })?;
             let place = Place { id, row: if k == 0 { own.place.row } else { row }, bounds };
-            let number = match &mut self.truth {
-                Some((model, numbers)) => {
-                    let number = model.hierarchy().node(own.number).map_or(NONE, |n| n.child + k as u32);
-                    numbers.insert(number, child + k as u32);
-                    number
-                }
-                None => NONE,
-            };
+            let above = self.truth.model().and_then(|model| model.hierarchy().node(own.number));
+            let number = above.map_or(NONE, |n| n.child + k as u32);
+            self.truth.put(number, child + k as u32);
             let at_mesh = at.map_or(own.at, |at| at + k as u32);
             self.nodes.push(Node { place, child: NONE, at: at_mesh, number, is_out: at.is_none() });
         }
@@ -373,12 +404,12 @@ impl<'a> Local<'a> {
     }
     /// The writer: the name of a cut of a split of any block.
     pub(crate) fn cut_name(&self, split: NodeId, k: usize) -> Option<NodeId> {
-        let (model, _) = self.truth.as_ref()?;
+        let model = self.truth.model()?;
         model.cuts(model.hierarchy().find(split)?)[k]
     }
 }
 
-impl Side for Local<'_> {
+impl<T: Truth> Side for Local<'_, T> {
     fn roots(&self) -> u32 {
         self.mesh.root_count()
     }
@@ -402,7 +433,7 @@ impl Side for Local<'_> {
     }
 }
 
-impl Known for Local<'_> {
+impl<T: Truth> Known for Local<'_, T> {
     fn depth(&self, i: u32) -> u32 {
         self.nodes[i as usize].place.id.depth().unwrap_or(0)
     }
@@ -415,7 +446,7 @@ impl Known for Local<'_> {
         false
     }
     fn truth_told(&self, i: u32, about: &[u32]) -> Option<(RingSplit, [Bounds; 2])> {
-        let (model, _) = self.truth.as_ref()?;
+        let model = self.truth.model()?;
         let h = model.hierarchy();
         let child = h.node(self.number(i))?.child;
         let ring = RingSplit { cuts: self.places(i, about), place: model.row(child + 1) };
