@@ -4,8 +4,9 @@ import * as runtime from "./pmesh-runtime.js";
 import { PMeshRanges } from "./pmesh-ranges.js";
 import { PMeshViews } from "./pmesh-views.js";
 
-/** Milliseconds of a frame in which the front is looked through. */
-const FOLLOW_MS = 5;
+/** Milliseconds of a frame in which the front is looked through: a third where pictures take long to draw, within limits. */
+const FOLLOW_MS = { least: 5, most: 30 };
+const FOLLOW_PART = 1 / 3;
 /** Pixels by which a vertex moves in a frame: none is seen to jump. */
 const MORPH_PIXELS = 1;
 /** Milliseconds that the first picture waits for what its view needs: what nobody has seen yet can be where it belongs at once. */
@@ -148,7 +149,7 @@ export class ViewPlayer {
     const { splits, collapses, rests } = model.follow({
       ...options, screenError, maxTriangles, morphPixels,
       maxMemory: maxMemory === null ? undefined : maxMemory * BYTES_A_MEGABYTE,
-      deadline: started + FOLLOW_MS,
+      deadline: started + Math.min(FOLLOW_MS.most, Math.max(FOLLOW_MS.least, this.#frameMs * FOLLOW_PART)),
     });
     this.#views.pump();
     this.#rests = rests;

@@ -9,7 +9,7 @@ use crate::fans::Fan;
 use crate::numbers::{Number, SIZES, number, syntax};
 use crate::patch::{Local, Longer, Truth, Way};
 use crate::sides::{Known, Side, size_of_node};
-use crate::splits::{Spent, SplitModels, code, code_bounds};
+use crate::splits::{Spent, SplitModels, code, code_bounds, look};
 use pmesh_codec::range::{Chance, Coder};
 use pmesh_core::hierarchy::{Bounds, NONE, NodeId};
 use std::cmp::Reverse;
@@ -81,21 +81,22 @@ pub(crate) fn code_block<C: Coder, T: Truth>(
         }
     };
     (0..local.root_count()).for_each(|i| push(&mut next, local, i, 0));
-    let mut done = 0;
+    let (mut done, mut looked) = (0, 0);
     while done < count {
         let Some(((.., Reverse(i)), tries)) = next.pop() else { return syntax(coder, "more splits than there can be") };
         let child = if local.is_out(i) {
-            code_out(coder, m, local, i)?
+            code_out(coder, m, local, i, &mut looked)?
         } else {
             let closed = local.neighbours(i, &mut m.splits.about);
             m.splits.ring.closed = closed;
+            look(coder, &m.splits, &mut looked)?;
             let waits = coder.bit(&mut m.waits[tries], !local.fits(i, &m.splits.about, closed));
             if waits && tries < TRIES {
                 push(&mut next, local, i, tries + 1);
                 continue;
             }
             if waits {
-                code_out(coder, m, local, i)?
+                code_out(coder, m, local, i, &mut looked)?
             } else {
                 let told = code(coder, &mut m.splits, local, i)?;
                 local.told(i, &told)?
@@ -129,7 +130,13 @@ pub(crate) fn code_block<C: Coder, T: Truth>(
 }
 
 /// A split that the mesh cannot follow.
-fn code_out<C: Coder, T: Truth>(coder: &mut C, m: &mut BlockModels, local: &mut Local<T>, i: u32) -> Result<u32, ProtocolError> {
+fn code_out<C: Coder, T: Truth>(
+    coder: &mut C,
+    m: &mut BlockModels,
+    local: &mut Local<T>,
+    i: u32,
+    looked: &mut usize,
+) -> Result<u32, ProtocolError> {
     let start = coder.position();
     let own = local.row(i);
     let truth = local.truth_told(i, &[]);
@@ -144,8 +151,9 @@ fn code_out<C: Coder, T: Truth>(coder: &mut C, m: &mut BlockModels, local: &mut 
     m.splits.spent.positions += placed - start;
     // By the node that stands for it, those about that, or by name.
     let by = local.stand_in(i);
+    local.neighbours(by, &mut m.splits.about);
+    look(coder, &m.splits, looked)?;
     let mut about = std::mem::take(&mut m.splits.about);
-    local.neighbours(by, &mut about);
     about.push(by);
     let (names, cuts) = (local.cut_names(i), local.cuts(i));
     let missing = names.iter().position(Option::is_none).map_or(0, |k| k + 1);

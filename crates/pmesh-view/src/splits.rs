@@ -200,10 +200,7 @@ fn walk<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &mut dyn Known, coun
                 return syntax(coder, "a split of a leaf, or one too many");
             }
             m.ring.closed = side.neighbours(node, &mut m.about);
-            looked += m.about.len();
-            if !C::ENCODES && looked > RING_LIMIT + RINGS_A_BYTE * coder.byte_position() {
-                return syntax(coder, "splits of nodes with too many neighbours");
-            }
+            look(coder, m, &mut looked)?;
             if !matches!(visit, Visit::Waited(_)) && coder.bit(&mut m.waits, side.waits(node, &m.about)) {
                 waiting.push(node);
                 continue;
@@ -220,6 +217,15 @@ fn walk<C: Coder>(coder: &mut C, m: &mut SplitModels, side: &mut dyn Known, coun
         }
     }
     Ok(done)
+}
+
+/// Counts the nodes about the one at hand. Errors: more than the bytes are worth.
+pub(crate) fn look<C: Coder>(coder: &C, m: &SplitModels, looked: &mut usize) -> Result<(), ProtocolError> {
+    *looked += m.about.len();
+    if !C::ENCODES && *looked > RING_LIMIT + RINGS_A_BYTE * coder.byte_position() {
+        return syntax(coder, "splits of nodes with too many neighbours");
+    }
+    Ok(())
 }
 
 /// The first that waits no more.
