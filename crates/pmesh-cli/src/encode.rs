@@ -134,7 +134,7 @@ enum Profile {
     /// The fastest decoder, some six times as fast: whole sooner on links above some 20 Mbit/s and on slow processors. Refines what is not
     /// manifold, too
     Fast,
-    /// A hierarchy in blocks, of which <p-mesh view-dependent> fetches what the camera sees, from any server of files. Several times as many
+    /// A hierarchy in blocks, of which <p-mesh view-dependent> fetches what the camera sees, from any server of files. About twice as many
     /// bytes in all; positions only
     Views,
 }

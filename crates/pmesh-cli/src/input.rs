@@ -87,7 +87,7 @@ fn views(bytes: &[u8], whole: bool, stream: &mut Stream) -> std::result::Result<
     let at = |at: u64, message: String| DecodeError::Syntax { place: Place::Byte(at), message };
     let failed = |e: ProtocolError| match e {
         ProtocolError::Syntax { at: byte, what } => at(byte as u64, what.into()),
-        ProtocolError::Damaged { at: byte } => at(byte, "what begins here is damaged".into()),
+        ProtocolError::Damaged { at: byte } => at(byte, "what begins here is damaged: fetch the file again".into()),
         e => at(0, e.to_string()),
     };
     let (mesh, error) = match pmesh_view::read_whole(bytes) {

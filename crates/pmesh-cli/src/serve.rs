@@ -13,7 +13,7 @@ use tracing_subscriber::EnvFilter;
 /// Serve a folder: files, with ranges, and view-dependent streams of the .pmesh files in it over WebSockets.
 ///
 /// Any web server will do for <p-mesh src="model.pmesh">. This one also speaks the protocol of docs/PROTOCOL.md on any path, for programs that follow a view: the client gets what it looks
-/// at, each piece once: positions only, rounded to --bits, vertices of no triangle left out. The first client of a model waits until it is prepared, seconds for a million triangles; one that changes is prepared anew. A file for views (pmesh encode --profile views) is read as it is, at once. `pmesh look ws://HOST:PORT --list` names the models. Hidden files (.name) are not served, what links lead to is. /metrics is for Prometheus, /health for a load balancer. Servers share nothing: put any number of them behind one, with the same folder.
+/// at, each piece once: positions only, rounded to --bits, vertices of no triangle left out. The first client of a model waits until it is prepared, seconds for a million triangles; one that changes is prepared anew. A file for views (pmesh encode --profile views) has its own --bits, and takes about as long. `pmesh look ws://HOST:PORT --list` names the models. Hidden files (.name) are not served, what links lead to is. /metrics is for Prometheus, /health for a load balancer. Servers share nothing: put any number of them behind one, with the same folder.
 #[derive(Parser)]
 #[command(
     after_help = "Examples:\n  pmesh serve models                            http://127.0.0.1:8080\n  pmesh serve models --address 0.0.0.0 --port 80 --origin https://example.org\n  pmesh serve models --rate 250000              as a link of 2 Mbit/s\n\nCtrl+C, or SIGTERM, closes: sessions are told to connect again, which they may do elsewhere."
@@ -27,7 +27,7 @@ pub struct Args {
     /// Port; 0 takes any free one, which is printed
     #[arg(long, default_value_t = 8080)]
     port: u16,
-    /// Bits a coordinate for views, 8 to 16; files are served as they are
+    /// Bits a coordinate for views, 8 to 16; of files for views those that they have. What is asked for by HTTP is served as it is
     #[arg(long, default_value_t = 12, value_parser = clap::value_parser!(u8).range(8..=16))]
     bits: u8,
     /// Most sessions at a time

@@ -107,10 +107,10 @@ fn names(folder: &Path) -> std::io::Result<Vec<String>> {
 fn prepare(path: &Path, bits: u8) -> Result<Arc<Model>, String> {
     let bytes = std::fs::read(path).map_err(|e| format!("the model cannot be read: {e}"))?;
     if is_file(&bytes) {
-        return read_model(&bytes).map(Arc::new).map_err(|e| format!("the model is damaged: {e}"));
+        return read_model(&bytes).map(Arc::new).map_err(|e| format!("the model cannot be read: {e}"));
     }
     let mut receiver = Receiver::default();
-    receiver.push(&bytes).and_then(|()| receiver.finish()).map_err(|e| format!("the model is damaged: {e}"))?;
+    receiver.push(&bytes).and_then(|()| receiver.finish()).map_err(|e| format!("the model cannot be read: {e}"))?;
     model_of(&receiver.into_mesh().finest_mesh(), Some(bits), |_| ()).map(Arc::new)
 }
 

@@ -210,33 +210,39 @@ impl Table<'_> {
     }
 }
 
-/// All that these bytes hold of a file; true if that is all of it.
-fn read_all(bytes: &[u8]) -> Result<(FileClient, bool), ProtocolError> {
+/// All that these bytes hold of a file, and why that is not all of it.
+fn read_all(bytes: &[u8]) -> Result<(FileClient, Option<ProtocolError>), ProtocolError> {
     let mut client = FileClient::default();
     client.receive(0, bytes)?;
     if client.viewer().is_empty() {
         return Err(ProtocolError::Syntax { at: bytes.len(), what: "it ends before the base mesh is whole" });
     }
-    let (mut block, mut is_whole) = (0, true);
+    let cut = ProtocolError::Syntax { at: bytes.len(), what: "the file ends too early, in the middle of a block" };
+    let (mut block, mut error) = (0, None);
     while block < client.block_count() {
         let (start, length) = client.place(block);
         let place = usize::try_from(start).ok().and_then(|from| bytes.get(from..from.checked_add(length as usize)?));
         match place {
             Some(bytes) => {
                 client.keep(block, bytes);
-                is_whole &= client.load(block)?;
+                // What lies below one that is damaged is not known.
+                match client.load(block) {
+                    Ok(true) => {}
+                    Ok(false) => error = error.or_else(|| Some(cut.clone())),
+                    Err(e) => error = error.or(Some(e)),
+                }
             }
-            None => is_whole = false,
+            None => error = error.or_else(|| Some(cut.clone())),
         }
         block += 1;
     }
-    Ok((client, is_whole))
+    Ok((client, error))
 }
 /// The same, that must be whole.
 fn read_every(bytes: &[u8]) -> Result<FileClient, ProtocolError> {
     match read_all(bytes)? {
-        (client, true) => Ok(client),
-        _ => Err(ProtocolError::Syntax { at: bytes.len(), what: "the file ends too early, in the middle of a block" }),
+        (client, None) => Ok(client),
+        (_, Some(error)) => Err(error),
     }
 }
 fn mesh_of(mut client: FileClient) -> Result<IndexedMesh, ProtocolError> {
@@ -261,7 +267,7 @@ fn mesh_of(mut client: FileClient) -> Result<IndexedMesh, ProtocolError> {
 pub fn read_whole(bytes: &[u8]) -> Result<IndexedMesh, ProtocolError> {
     mesh_of(read_every(bytes)?)
 }
-/// What the first bytes of a file hold, as [`read_whole`]. Errors: a damaged file, or less than its base mesh.
+/// What can be read of a file that is cut or damaged, as [`read_whole`]. Errors: less than its base mesh.
 pub fn read_part(bytes: &[u8]) -> Result<IndexedMesh, ProtocolError> {
     mesh_of(read_all(bytes)?.0)
 }
