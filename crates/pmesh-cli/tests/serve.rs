@@ -203,7 +203,7 @@ fn a_model_that_is_not_there_or_damaged_is_said_so() {
     let folder = folder("serve-none");
     std::fs::write(folder.join("broken.pmesh"), b"PMSH no more").expect("it can be written");
     let server = Server::start(&folder, &[]);
-    for (name, says) in [("none", "no model"), ("../part", "no model"), ("broken", "damaged")] {
+    for (name, says) in [("none", "no model"), ("../part", "no model"), ("broken", "cannot be read")] {
         let mut client = Client::new(name);
         let mut socket = server.connect();
         socket.send(Message::Binary(client.poll().expect("a hello").into())).expect("it takes it");
