@@ -162,7 +162,11 @@ impl Head {
         let Some(base) = body.get(r.at..r.at.saturating_add(size)) else { return r.error("a base mesh past the end") };
         let Reply::Base(base) = read_reply(base)? else { return r.error("no base mesh") };
         r.at += size;
-        let first = if r.byte()? == 1 { Some(r.block(&mut length.into())?) } else { None };
+        let first = match r.byte()? {
+            0 => None,
+            1 => Some(r.block(&mut length.into())?),
+            _ => return r.error("neither blocks nor none"),
+        };
         if r.at != body.len() {
             return r.error("bytes after the head's end");
         }

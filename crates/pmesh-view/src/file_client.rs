@@ -3,7 +3,7 @@
 use crate::blocks::{BlockModels, code_block};
 use crate::error::ProtocolError;
 use crate::file::{Block, Head};
-use crate::pack::{BlockSizes, first_roots};
+use crate::pack::first_roots;
 use crate::patch::{Local, Patch, Place};
 use crate::sides::Side;
 use crate::viewer::{Limits, SPLIT_BYTES, SPLITS_A_BYTE, Viewer};
@@ -15,8 +15,8 @@ const FIRST_BYTES: u64 = 16 << 10;
 /// Bytes of a request, beyond which blocks that lie side by side are asked for apart.
 const REQUEST_BYTES: u64 = 64 << 10;
 /// Most nodes and triangles that blocks begin with, and how many more for each byte: real ones have some two.
-const WORK_LIMIT: usize = 1 << 20;
-const WORK_A_BYTE: usize = 1 << 8;
+const WORK_LIMIT: u64 = 1 << 20;
+const WORK_A_BYTE: u64 = 1 << 8;
 /// Looks at nodes that unpacking a block counts as: both take a millisecond or so.
 const LOOKS_A_BLOCK: u32 = 1 << 9;
 /// Requests at a time.
@@ -74,8 +74,12 @@ pub struct FileClient {
     prior: Option<BlockModels>,
     /// Nodes looked at since something was loaded.
     looked: usize,
-    /// Sizes of the patches that were split.
-    work: usize,
+    /// Sizes of all patches, bytes of the blocks that they came with, and of those that are kept.
+    work: u64,
+    unpacked: u64,
+    kept: u64,
+    /// Most splits of a block beside the first.
+    largest: u32,
     /// Most blocks one above the other.
     deepest: usize,
     bytes: u64,
@@ -198,7 +202,13 @@ impl FileClient {
     }
     /// Block `b` begins there.
     fn begin_at(&mut self, b: u32, patch: Patch) {
-        patch.roots.iter().for_each(|&i| self.enter(i, b));
+        for &i in &patch.roots {
+            // A root that the block does not split is one of a block below it, too, which may be here already.
+            let before = self.entry.get(i as usize).copied().filter(|&e| e != NONE);
+            if before.is_none_or(|e| self.chain(e).all(|above| above != b)) {
+                self.enter(i, b);
+            }
+        }
         self.viewer.beside += patch.memory_bytes();
         let before = self.blocks[b as usize].patch.replace(patch);
         self.viewer.beside -= before.map_or(0, |p| p.memory_bytes());
@@ -235,7 +245,10 @@ impl FileClient {
     }
     /// Keeps the bytes of a block: for when they are needed, and needed again.
     pub(crate) fn keep(&mut self, b: u32, bytes: &[u8]) {
-        if self.blocks[b as usize].bytes.is_none() {
+        let all = self.kept + bytes.len() as u64;
+        // Blocks do not lie over each other: there are no more bytes of them than came.
+        if self.blocks[b as usize].bytes.is_none() && all <= self.bytes {
+            self.kept = all;
             self.viewer.beside += bytes.len();
             self.blocks[b as usize].bytes = Some(bytes.to_vec());
         }
@@ -258,9 +271,11 @@ impl FileClient {
         {
             return Err(ProtocolError::Damaged { at: block.start });
         }
-        self.work += patch.size();
-        if self.work > WORK_LIMIT + WORK_A_BYTE * self.bytes as usize {
-            return Err(ProtocolError::Unexpected("blocks that begin with more than their bytes are worth"));
+        if child == NONE {
+            self.unpacked += u64::from(block.length);
+            if self.unpacked > self.bytes {
+                return Err(ProtocolError::Unexpected("blocks that lie over each other"));
+            }
         }
         let v = &mut self.viewer;
         let front = &v.front;
@@ -316,13 +331,22 @@ impl FileClient {
         let mut ends = &ends[..];
         for block in &below {
             let (run, others) = ends.split_at(block.roots as usize);
-            patches.push(local.patch(run));
+            let patch = local.patch(run);
+            // The first time, that is: what is unpacked again has been counted.
+            if child == NONE {
+                self.work += patch.size() as u64;
+                if self.work > WORK_LIMIT + WORK_A_BYTE * self.bytes {
+                    return Err(ProtocolError::Unexpected("blocks that begin with more than their bytes are worth"));
+                }
+            }
+            patches.push(patch);
             ends = others;
         }
         let first = if child == NONE { self.blocks.len() as u32 } else { child };
         if child == NONE {
             (self.blocks[b as usize].child, self.blocks[b as usize].children) = (first, below.len() as u32);
             self.blocks.extend(below.iter().map(|&block| Known::new(block, b)));
+            self.largest = below.iter().map(|c| c.splits).fold(self.largest, u32::max);
             (first..first + below.len() as u32).for_each(|c| self.take_early(c));
         }
         for (c, patch) in (first..).zip(patches) {
@@ -352,8 +376,8 @@ impl FileClient {
         self.looked = self.looked.saturating_add(progress.looked as usize);
         // What was loaded stays until the front has had its chance to split there.
         let is_new = self.is_waiting() || self.looked < self.viewer.front.len();
-        let BlockSizes { first, others } = BlockSizes::default();
-        let on_the_way = (self.deepest * others as usize + first as usize) * 2 * SPLIT_BYTES;
+        let first = self.blocks.first().map_or(0, |b| b.block.splits);
+        let on_the_way = (self.deepest * self.largest as usize + first as usize) * 2 * SPLIT_BYTES;
         if self.viewer.is_over(if is_new { on_the_way } else { 0 }) {
             self.forget();
         }
@@ -425,8 +449,9 @@ impl FileClient {
         if kept(&self.blocks) > self.viewer.limits().memory / 4 {
             self.blocks.iter_mut().skip(1).for_each(|b| b.bytes = None);
         }
+        self.kept = kept(&self.blocks) as u64;
         self.viewer.beside =
-            kept(&self.blocks) + self.blocks.iter().flat_map(|b| &b.patch).map(Patch::memory_bytes).sum::<usize>();
+            self.kept as usize + self.blocks.iter().flat_map(|b| &b.patch).map(Patch::memory_bytes).sum::<usize>();
         let away: Vec<u32> = (0..self.block_count()).filter(|&b| self.blocks[b as usize].state != State::Here).collect();
         away.into_iter().for_each(|b| self.leave(b));
         self.viewer.evictions += 1;

@@ -283,12 +283,16 @@ impl<T: Truth> Local<'_, T> {
         };
         let open: FxHashMap<u32, OpenCut> = self.open.iter().map(|c| (c.triangle, *c)).collect();
         let (mut seen, mut ring, mut fan) = (FxHashSet::default(), Vec::new(), Vec::new());
+        let mut walked = FxHashSet::default();
         for &i in roots {
             let own = self.stand_in(i);
             let at = place(own, &mut patch.rim);
             if self.is_out(i) {
                 let i = place(i, &mut patch.rim);
                 patch.stand_ins.push([i, at]);
+            }
+            if !walked.insert(own) {
+                continue;
             }
             self.mesh.fan(self.nodes[own as usize].at, &mut ring, &mut fan);
             for &t in fan.iter().filter(|&&t| seen.insert(t)) {
