@@ -15,8 +15,8 @@ const FIRST_BYTES: u64 = 16 << 10;
 /// Bytes of a request, beyond which blocks that lie side by side are asked for apart.
 const REQUEST_BYTES: u64 = 64 << 10;
 /// Most nodes and triangles that blocks begin with, and how many more for each byte: real ones have some two.
-const WORK_LIMIT: u64 = 1 << 20;
-const WORK_A_BYTE: u64 = 1 << 8;
+const WORK_LIMIT: u64 = 1 << 18;
+const WORK_A_BYTE: u64 = 1 << 4;
 /// Looks at nodes that unpacking a block counts as: both take a millisecond or so.
 const LOOKS_A_BLOCK: u32 = 1 << 9;
 /// Requests at a time.
