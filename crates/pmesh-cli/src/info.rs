@@ -84,7 +84,7 @@ pub fn run(args: &Args) -> Result<()> {
     let mut info = stream.receiver.info().cloned().unwrap_or_default();
     if let Some(Ok(head)) = pmesh_view::is_file(&bytes).then(|| pmesh_view::Head::read(&bytes)).and_then(std::result::Result::ok)
     {
-        (info.format, info.position_bits) = ("hierarchy for views (.pmesh, version 4)", head.base.grid.position_bits);
+        (info.format, info.position_bits) = ("hierarchy for views (.pmesh)", head.base.grid.position_bits);
     }
     let count = mesh.level_count();
     let mut rows = Vec::new();

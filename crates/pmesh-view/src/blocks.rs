@@ -115,8 +115,8 @@ pub(crate) fn code_block<C: Coder, T: Truth>(
         let mut cuts = [None; 2];
         for (k, way) in local.ways(split).into_iter().enumerate() {
             let Some(way) = way else { continue };
-            let is_said = split.told.is_none() && local.goes_on(way);
-            cuts[k] = Some(if is_said { way.0 } else { rest(coder, m, local, way, names[k])? });
+            let goes_on = split.told.is_none() && local.goes_on(way);
+            cuts[k] = Some(if goes_on { way.0 } else { rest(coder, m, local, way, names[k])? });
         }
         told.cuts.push(cuts);
     }

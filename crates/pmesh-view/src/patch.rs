@@ -282,7 +282,7 @@ impl<T: Truth> Local<'_, T> {
             })
         };
         let open: FxHashMap<u32, OpenCut> = self.open.iter().map(|c| (c.triangle, *c)).collect();
-        let (mut seen, mut ring, mut fan) = (FxHashSet::default(), Vec::new(), Vec::new());
+        let (mut seen, mut fan) = (FxHashSet::default(), Vec::new());
         let mut walked = FxHashSet::default();
         for &i in roots {
             let own = self.stand_in(i);
@@ -294,7 +294,7 @@ impl<T: Truth> Local<'_, T> {
             if !walked.insert(own) {
                 continue;
             }
-            self.mesh.fan(self.nodes[own as usize].at, &mut ring, &mut fan);
+            self.mesh.triangles_about(self.nodes[own as usize].at, &mut fan);
             for &t in fan.iter().filter(|&&t| seen.insert(t)) {
                 let corners = [0, 1, 2].map(|k| self.mesh.node_at(t, k).map_or(NONE, |i| self.of_mesh[i as usize]));
                 if corners.contains(&NONE) {

@@ -131,6 +131,8 @@ fn what_is_forgotten_is_fetched_again() {
         assert!(tight.viewer().memory_bytes() < memory * 3 / 2);
     }
     assert!(tight.viewer().evictions() > 0);
+    // What came once stays, in the few bytes in which it came.
+    assert!(tight.traffic().1 <= file.len() as u64 + 16_384, "{:?} of {}", tight.traffic(), file.len());
     let (a, b) = (tight.viewer().front(), free.viewer().front());
     println!("{} times forgotten; {} and {} in the front, {:?}", tight.viewer().evictions(), a.len(), b.len(), tight.traffic());
     // Everything it knows is right.

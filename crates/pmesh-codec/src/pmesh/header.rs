@@ -213,7 +213,8 @@ impl Header {
         let known = container.version();
         if preamble[8] > known {
             // Files for views have a version of their own, and are told before they come here.
-            let known = if container.extension() == ".pmesh" { known.max(super::VIEWS_VERSION) } else { known };
+            let known =
+                if matches!(container, Container::Pmesh | Container::Compact) { known.max(super::VIEWS_VERSION) } else { known };
             return Err(DecodeError::NewerVersion { format: container.extension(), found: preamble[8], known });
         }
         let length = usize::from(u16::from_le_bytes([preamble[9], preamble[10]]));

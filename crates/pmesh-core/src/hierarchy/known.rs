@@ -105,34 +105,31 @@ impl Front {
         out.extend(vertices.iter().map(|&v| whole.leaf_of[v as usize]));
         closed
     }
-    /// As [`Self::neighbours`], with the triangles between each of them and the next: those of the base mesh first, in their order, then two for each split. O(valence).
-    pub fn fan(&mut self, i: u32, out: &mut Vec<u32>, triangles: &mut Vec<u32>) -> bool {
-        triangles.clear();
-        let closed = self.neighbours(i, out);
+    /// The triangles between the nodes that [`Self::neighbours`] gives, in their order, by number: those of the base mesh come first, then two for each split. O(valence).
+    pub fn triangles_about(&mut self, i: u32, out: &mut Vec<u32>) {
+        out.clear();
         if let (Some(whole), Some(own)) = (&mut self.whole, self.known.get(i as usize).filter(|k| k.child == NONE)) {
-            triangles.extend(whole.mesh.fan(own.vertex).0.iter().map(|c| c / 3));
+            out.extend(whole.mesh.fan(own.vertex).0.iter().map(|c| c / 3));
         }
-        closed
     }
-    /// The node without children here that corner `k` of a triangle is at, numbered as [`Self::fan`] has them: (second child, first child, cut) and
+    /// The node without children here that corner `k` of a triangle is at, numbered as [`Self::triangles_about`] has them: (second child, first child, cut) and
     /// (second child, cut, first child) when they came with a split. `None` if there is none, or if cuts are not followed. O(1).
     pub fn node_at(&self, triangle: u32, k: usize) -> Option<u32> {
         let whole = self.whole.as_ref()?;
         let vertex = *whole.mesh.triangle(triangle)?.get(k)?;
         whole.leaf_of.get(vertex as usize).copied().filter(|&i| i != NONE)
     }
-    /// More of the way to cut `k` of a split whose children are known; false if they are not. What is no longer than what is known changes nothing. O(depth).
-    pub fn lengthen_cut(&mut self, id: NodeId, k: usize, cut: NodeId) -> bool {
+    /// More of the way to cut `k` of a split, if its children are known. What is no longer than what is known changes nothing. O(depth).
+    pub fn lengthen_cut(&mut self, id: NodeId, k: usize, cut: NodeId) {
         let child = self.find(id).map_or(NONE, |i| self.known[i as usize].child);
         if child == NONE || k > 1 {
-            return false;
+            return;
         }
         let number = self.number(child) as usize;
         let own = &mut self.cuts[number][k];
         if own.node != 0 && own.is_above(cut) {
             *own = cut;
         }
-        true
     }
     /// Steps from the root to a node.
     pub fn depth(&self, i: u32) -> u32 {
