@@ -22,41 +22,6 @@ pub(crate) trait Side {
     fn unit(&self) -> f64;
 }
 
-/// The end that has the model.
-pub(crate) struct Writing<'a> {
-    pub(crate) model: &'a Model,
-    /// Splits to be written, and what is above them.
-    pub(crate) wanted: &'a dyn Fn(u32) -> bool,
-    /// Splits that are written.
-    pub(crate) done: FxHashSet<u32>,
-    /// Splits that the other end counts on beside these.
-    pub(crate) knew: &'a dyn Fn(u32) -> bool,
-}
-
-impl Side for Writing<'_> {
-    fn roots(&self) -> u32 {
-        self.model.hierarchy().root_count()
-    }
-    fn child(&self, i: u32) -> Option<u32> {
-        (self.done.contains(&i) || (self.knew)(i)).then(|| self.model.hierarchy().nodes()[i as usize].child)
-    }
-    fn row(&self, i: u32) -> [i32; 3] {
-        self.model.row(i)
-    }
-    fn bounds(&self, i: u32) -> Bounds {
-        self.model.hierarchy().nodes()[i as usize].bounds
-    }
-    fn is_wanted(&self, i: u32) -> bool {
-        (self.wanted)(i)
-    }
-    fn grid(&self) -> &Quantisation {
-        self.model.grid()
-    }
-    fn unit(&self) -> f64 {
-        self.model.hierarchy().unit()
-    }
-}
-
 /// The end that learns.
 pub(crate) struct Reading<'a> {
     pub(crate) front: &'a mut Front,
@@ -113,7 +78,13 @@ pub(crate) trait Known: Side {
 
 /// The server's end.
 pub(crate) struct Sending<'a> {
-    pub(crate) writing: Writing<'a>,
+    pub(crate) model: &'a Model,
+    /// Splits to be written, and what is above them.
+    pub(crate) wanted: &'a dyn Fn(u32) -> bool,
+    /// Splits that are written.
+    pub(crate) done: FxHashSet<u32>,
+    /// Splits that the client has beside these.
+    pub(crate) knew: &'a dyn Fn(u32) -> bool,
     /// The front after the packet, and its splits.
     pub(crate) tags: &'a ActiveTags,
     pub(crate) new: &'a FxHashSet<u32>,
@@ -124,11 +95,11 @@ pub(crate) struct Sending<'a> {
 impl Sending<'_> {
     /// The node above a leaf that has no children at the other end yet.
     fn active(&self, leaf: u32) -> Option<u32> {
-        let h = self.writing.model.hierarchy();
+        let h = self.model.hierarchy();
         let mut at = h.active_ancestor(leaf, |n| self.tags.contains(n))?;
         loop {
             let parent = h.node(at)?.parent;
-            if parent == NONE || !self.new.contains(&parent) || self.writing.done.contains(&parent) {
+            if parent == NONE || !self.new.contains(&parent) || self.done.contains(&parent) {
                 return Some(at);
             }
             at = parent;
@@ -136,13 +107,13 @@ impl Sending<'_> {
     }
     /// The node has no children at the other end yet, and is there.
     fn is_active(&self, i: u32) -> bool {
-        let is_to_come = |i: u32| self.new.contains(&i) && !self.writing.done.contains(&i);
-        let parent = self.writing.model.hierarchy().node(i).map_or(NONE, |n| n.parent);
+        let is_to_come = |i: u32| self.new.contains(&i) && !self.done.contains(&i);
+        let parent = self.model.hierarchy().node(i).map_or(NONE, |n| n.parent);
         (is_to_come(i) || self.tags.contains(i)) && (parent == NONE || !is_to_come(parent))
     }
     /// Places of a node's cuts among its neighbours; their number for one that is not there.
     fn places(&self, i: u32, about: &[u32]) -> [Option<u32>; 2] {
-        let h = self.writing.model.hierarchy();
+        let h = self.model.hierarchy();
         let place = |c: u32| about.iter().position(|&w| h.is_below(c, w)).unwrap_or(about.len()) as u32;
         h.node(i).map_or([None; 2], |n| n.cuts.map(|c| Some(c).filter(|&c| c != NONE).map(place)))
     }
@@ -150,49 +121,49 @@ impl Sending<'_> {
 
 impl Side for Sending<'_> {
     fn roots(&self) -> u32 {
-        self.writing.roots()
+        self.model.hierarchy().root_count()
     }
     fn child(&self, i: u32) -> Option<u32> {
-        self.writing.child(i)
+        (self.done.contains(&i) || (self.knew)(i)).then(|| self.model.hierarchy().nodes()[i as usize].child)
     }
     fn row(&self, i: u32) -> [i32; 3] {
-        self.writing.row(i)
+        self.model.row(i)
     }
     fn bounds(&self, i: u32) -> Bounds {
-        let own = self.writing.bounds(i);
+        let own = self.model.hierarchy().nodes()[i as usize].bounds;
         if !self.cuts_only || own.is_leaf() || i < self.roots() {
             return own;
         }
         // What the other end takes them for.
         let (mut at, mut steps) = (i, 0);
-        while let Some(parent) = self.writing.model.hierarchy().node(at).map(|n| n.parent).filter(|&p| p != NONE) {
+        while let Some(parent) = self.model.hierarchy().node(at).map(|n| n.parent).filter(|&p| p != NONE) {
             (at, steps) = (parent, steps + 1);
         }
-        (0..steps).fold(self.writing.bounds(at), |b, _| assumed(&b))
+        (0..steps).fold(self.model.hierarchy().nodes()[at as usize].bounds, |b, _| assumed(&b))
     }
     fn is_wanted(&self, i: u32) -> bool {
-        self.writing.is_wanted(i)
+        (self.wanted)(i)
     }
     fn grid(&self) -> &Quantisation {
-        self.writing.grid()
+        self.model.grid()
     }
     fn unit(&self) -> f64 {
-        self.writing.unit()
+        self.model.hierarchy().unit()
     }
 }
 
 impl Known for Sending<'_> {
     fn depth(&self, i: u32) -> u32 {
-        self.writing.model.hierarchy().depth(i)
+        self.model.hierarchy().depth(i)
     }
     fn neighbours(&mut self, i: u32, out: &mut Vec<u32>) -> bool {
-        self.writing.model.neighbours(i, |w| self.is_active(w), |leaf| self.active(leaf), out)
+        self.model.neighbours(i, |w| self.is_active(w), |leaf| self.active(leaf), out)
     }
     fn waits(&self, i: u32, about: &[u32]) -> bool {
         matches!(self.places(i, about), [Some(a), Some(b)] if a == b)
     }
     fn truth_told(&self, i: u32, about: &[u32]) -> Option<(RingSplit, [Bounds; 2])> {
-        let h = self.writing.model.hierarchy();
+        let h = self.model.hierarchy();
         let child = h.node(i)?.child;
         // One that is not there is nothing that could be said, and an error.
         let ring = RingSplit { cuts: self.places(i, about), place: self.row(child + 1) };
@@ -200,8 +171,8 @@ impl Known for Sending<'_> {
         Some((ring, bounds))
     }
     fn told(&mut self, i: u32, _: &Told) -> Result<u32, ProtocolError> {
-        self.writing.done.insert(i);
-        Ok(self.writing.model.hierarchy().nodes()[i as usize].child)
+        self.done.insert(i);
+        Ok(self.model.hierarchy().nodes()[i as usize].child)
     }
 }
 

@@ -10,7 +10,7 @@ use crate::fans::{Fan, FanBounds};
 use crate::message::Packets;
 use crate::model::Model;
 use crate::numbers::{SIZES, number, syntax};
-use crate::sides::{Known, Reading, Sending, Told, Writing, assumed, size_of_node};
+use crate::sides::{Known, Reading, Sending, Told, assumed, size_of_node};
 use crate::tags::ActiveTags;
 use pmesh_codec::compact::{Ring, RingModel, RingSplit, RingVertex};
 use pmesh_codec::pmesh::Quantisation;
@@ -119,8 +119,8 @@ pub fn write(models: &mut SplitModels, model: &Model, tags: &ActiveTags, splits:
     let new: FxHashSet<u32> = splits.iter().copied().collect();
     let knew = |i: u32| !tags.contains(i) && !new.contains(&i);
     let wanted = |i: u32| wanted.contains(&i);
-    let writing = Writing { model, wanted: &wanted, done: FxHashSet::default(), knew: &knew };
-    let mut side = Sending { writing, tags, new: &new, cuts_only: models.cuts_only };
+    let (done, cuts_only) = (FxHashSet::default(), models.cuts_only);
+    let mut side = Sending { model, wanted: &wanted, done, knew: &knew, tags, new: &new, cuts_only };
     let mut coder = Encoder::new();
     walk(&mut coder, models, &mut side, splits.len() as u32)?;
     Ok(coder.finish())
